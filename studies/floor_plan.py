@@ -26,9 +26,8 @@ from elfslam.stages.floor_plan_alignment import (
     placed,
 )
 from elfslam.world.kinds import PEOPLE, Kind
-from elfslam.world.room import Room
+from elfslam.world.room import HEAD_M, Room
 from elfslam.world.simulate import load_world
-from elfslam.world.walkable import HEAD_M
 from studies.magnetic_walks import median_of
 from studies.repeats import finished
 from studies.results import Record, averaged, seeds_text

@@ -19,8 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from elfslam.app.console import print_rows, progress_bar
-from elfslam.app.modalities import sense_of
-from elfslam.app.settings import Settings
+from elfslam.app.settings import Settings, sense_of
 from elfslam.app.workers import open_workers
 from elfslam.base.enums import Modality, Mode
 from elfslam.slam.pipeline import map_by

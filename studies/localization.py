@@ -12,8 +12,7 @@ from functools import cache
 
 import numpy as np
 
-from elfslam.app.modalities import sense_of
-from elfslam.app.settings import Settings
+from elfslam.app.settings import Settings, sense_of
 from elfslam.base.arrays import F32
 from elfslam.base.enums import Modality, Mode
 from elfslam.base.values import Fixes, FixStatus, FloorMap, Orientation, Recording, Run

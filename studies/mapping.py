@@ -11,8 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from elfslam.app.modalities import sense_of
-from elfslam.app.settings import Settings
+from elfslam.app.settings import Settings, sense_of
 from elfslam.base.arrays import Bool
 from elfslam.base.enums import Modality
 from elfslam.base.geometry import path_length_m

@@ -16,8 +16,8 @@ from elfslam.base.values import Recording, Trajectory, Truth
 from elfslam.slam.merging import MappedWalk, walk_of
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.kinds import SURVEYOR, kind_named
+from elfslam.world.room import fault_of_route
 from elfslam.world.simulate import load_world
-from elfslam.world.walkable import fault_of_route
 from elfslam.world.world_file import World
 from studies.cached import simulate
 from studies.localization import shipped

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from elfslam.app.superimpose import drawn
+from elfslam.app.merge import drawn
 from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.progress import Announce

@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from elfslam.app.modalities import sense_of
+from elfslam.app.settings import sense_of
 from elfslam.base.arrays import F32, F64
 from elfslam.base.enums import Modality
 from elfslam.base.values import ECHO_RATE_HZ, NO_CLOSURES, AnySimilarity, Closures

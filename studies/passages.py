@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from elfslam.app.follow import Start, follow
+from elfslam.app.anchor import Start, follow
 from elfslam.base.arrays import F64
 from elfslam.base.geometry import between, compose, interpolate_poses
 from elfslam.base.values import Run

@@ -18,7 +18,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.values import PoseGraph, Truth
-from elfslam.data.g2o import read_g2o
+from elfslam.data.map_exports import read_g2o
 from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.stages.graph import GraphParameters, optimise
 from elfslam.stages.graph.solving import as_gtsam, as_poses, as_values

@@ -19,9 +19,9 @@ from elfslam.baselines.generic import generic_encoders
 from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.world.circumstances import Circumstances, engine_of, reach_of
 from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, built_in_device
+from elfslam.world.echo_pairs import random_room
 from elfslam.world.phone import air_at, poses_at, room_responses
 from elfslam.world.pulses import C64
-from elfslam.world.random_world import random_room
 from elfslam.world.room import Room
 from elfslam.world.scattering import as_measured
 from elfslam.world.scene import scene_of

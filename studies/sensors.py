@@ -15,7 +15,7 @@ from elfslam.base.values import Recording, Truth
 from elfslam.data.mall import read_walk, walks_in
 from elfslam.scoring.consistency import displacement_errors
 from elfslam.stages.motion import MotionParameters, dead_reckon, find_footsteps
-from elfslam.world.magnetic_field import Magnetism, magnetic_field
+from elfslam.world.magnetic import Magnetism, magnetic_field
 from elfslam.world.materials import material
 from elfslam.world.room import shoebox
 from elfslam.world.sensors import Sensor, Surroundings

@@ -23,10 +23,10 @@ from elfslam.base.errors import InputError
 from elfslam.base.values import Audio
 from elfslam.data.baseband import Baseband, frame_starts_s, to_baseband
 from elfslam.stages.chirp import ChirpParameters, make_chirp
-from elfslam.world.air import SPEED_OF_SOUND_MPS
 from elfslam.world.device import built_in_device
 from elfslam.world.interference import record, rumble
 from elfslam.world.phone import air_at, render_frames, room_responses
+from elfslam.world.pulses import SPEED_OF_SOUND_MPS
 from elfslam.world.scene import scene_of
 from elfslam.world.world_file import load_world
 from studies.eavesdropping import FORMS, OUT_HZ, enhanced

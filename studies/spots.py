@@ -12,8 +12,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
-from elfslam.world.room import Room
-from elfslam.world.walkable import standing_room
+from elfslam.world.room import Room, standing_room
 from elfslam.world.world_file import World, load_world
 from studies.repeats import finished
 from studies.results import Record, averaged

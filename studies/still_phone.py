@@ -9,10 +9,9 @@ import numpy as np
 from elfslam.base.arrays import F32, F64
 from elfslam.base.values import DISCARDED_SAMPLES, ECHO_RATE_HZ, ECHO_SAMPLES, Chirp
 from elfslam.stages.chirp import ChirpParameters, make_chirp
-from elfslam.world.air import SPEED_OF_SOUND_MPS
 from elfslam.world.device import Device, built_in_device
 from elfslam.world.phone import Poses, air_at, phone_axes, render_frames, room_responses
-from elfslam.world.pulses import Air
+from elfslam.world.pulses import SPEED_OF_SOUND_MPS, Air
 from elfslam.world.room import Room
 from elfslam.world.scene import Scene, scene_of
 

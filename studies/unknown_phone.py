@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from elfslam.app.merge import drawn
 from elfslam.app.settings import Settings
-from elfslam.app.superimpose import drawn
 from elfslam.base.arrays import F32, F64
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import Features, FloorMap

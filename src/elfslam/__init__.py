@@ -9,16 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from elfslam.app.api import (
-        finetune,
-        locate,
-        map,
-        merge,
-        plot,
-        score,
-        settings_of,
-        simulate,
-    )
+    from elfslam.app.api import finetune, locate, map, merge, plot, score, settings_of, simulate
     from elfslam.base.errors import (
         ElfslamError,
         InputError,
@@ -58,7 +49,7 @@ HOMES = {
         "Odometry", "Recording", "Run", "Trajectory", "Truth",
     ),
     "data.recordings": ("read_recording",),
-    "line.feature": ("Encoder", "load_encoder"),
+    "stages.feature": ("Encoder", "load_encoder"),
     "slam.pipeline": ("Sense",),
 }  # fmt: skip
 """Where each public name stands."""

@@ -31,7 +31,7 @@ import numpy as np
 from playwright.sync_api import BrowserContext, Page, sync_playwright
 
 from elfslam.base.values import Fixes, FixStatus, Truth
-from elfslam.data.fixes_files import read_fixes
+from elfslam.data.position_files import read_fixes
 from elfslam.world.world_file import load_world
 from studies.benchmarks import desk_pictures
 from studies.benchmarks.acoustic_loop import in_time, missing_programs, pulse_audio, room_between

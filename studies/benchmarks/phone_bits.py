@@ -11,8 +11,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from elfslam.data.baseband import frame_starts_s, to_baseband
-from elfslam.data.baseband_files import IQ, write_baseband
+from elfslam.data.baseband import IQ, frame_starts_s, to_baseband, write_baseband
 from elfslam.data.recordings import read_recording
 from elfslam.stages.chirp import ChirpParameters, make_chirp
 

@@ -26,9 +26,8 @@ from scipy.spatial import cKDTree
 from elfslam.app.console import print_rows
 from elfslam.base.arrays import F64
 from elfslam.base.geometry import interpolate_poses, path_length_m
-from elfslam.world.room import Room
+from elfslam.world.room import Room, standing_room
 from elfslam.world.simulate import load_world, simulate
-from elfslam.world.walkable import standing_room
 
 WORLDS = ("studio", "living_room", "office", "mall")
 CELL_M = 0.1

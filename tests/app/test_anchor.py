@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import json
 from pathlib import Path
@@ -12,22 +13,35 @@ import pytest
 from PIL import Image
 
 from elfslam.app.anchor import (
+    Plan,
+    Start,
     anchor_into,
     drawn,
     drawn_plan,
+    follow,
+    follow_into,
     is_plan_file,
     moved_map,
     place_on,
     read_plan,
+    start_on,
 )
-from elfslam.base.errors import InputError, StoreError
-from elfslam.base.geometry import inverse
-from elfslam.base.grid import walked_grid
-from elfslam.base.values import FloorMap
+from elfslam.base.errors import InputError, NoAnswerError, StoreError
+from elfslam.base.geometry import chain, inverse
+from elfslam.base.grid import FloorGrid, walked_grid
+from elfslam.base.values import NO_CLOSURES, FloorMap, MeanSimilarity, Odometry, Run, Trajectory
 from elfslam.data.geographic import Origin, from_lon_lat
-from elfslam.data.geojson_files import feature, polygon_of
+from elfslam.data.map_exports import feature, polygon_of
 from elfslam.data.map_files import read_map, write_map
-from elfslam.stages.floor_plan_alignment import AMBIGUOUS, OK, AnchoringParameters, placed
+from elfslam.data.runs import write_run
+from elfslam.stages.floor_plan_alignment import (
+    AMBIGUOUS,
+    OK,
+    AnchoringParameters,
+    Placement,
+    placed,
+)
+from elfslam.stages.map_matching import MapMatchingParameters
 
 KNOWN = AnchoringParameters(cell_m=0.15)
 WALK = np.array([[1, 1], [11, 1], [11, 5], [7, 5], [7, 8.0]])
@@ -151,3 +165,62 @@ def test_a_level_of_a_plan_stands_behind_its_file(tmp_path: Path) -> None:
 def test_files_are_told_from_worlds() -> None:
     named = ["studio", "a/plan.png:12", "a/plan.PNG", "plan.geojson", "p.json:-1", "my.toml"]
     assert [is_plan_file(text) for text in named] == [False, True, True, True, True, False]
+
+
+FOLLOW_KNOWN = MapMatchingParameters(particles=300)
+HALL = FloorGrid(np.ones((300, 300), dtype=bool), np.array([-15.0, -15.0]), 0.1)
+
+
+@pytest.fixture
+def run() -> Run:
+    """Ten metres straight ahead, by steps alone."""
+    poses = chain(np.array([1.0, 0.0, 0.0]), np.tile([0.5, 0.0, 0.0], (20, 1)))
+    t_s = 0.5 * np.arange(len(poses))
+    nodes = Odometry(t_s, poses, np.tile([0.1, 0.1, 0.01], (20, 1)))
+    spread = np.tile(0.01 * np.eye(3), (len(poses), 1, 1))
+    walk = Trajectory(t_s, poses, spread, np.zeros(0), "NO_CLOSURES")
+    alike = MeanSimilarity(np.zeros((20, 1), dtype=np.float32), kind="motion")
+    return Run("walk", nodes, alike, NO_CLOSURES, walk, None, None, None)
+
+
+def placement() -> Placement:
+    one = np.ones(1)
+    covariance = np.diag([0.04, 0.04, 0.01])
+    pose = np.array([2.0, 3.0, np.pi / 2])
+    return Placement(pose, covariance, one, np.zeros((0, 3)), 1.0, 0.0, OK)
+
+
+def test_a_placed_run_begins_where_its_first_pose_lies_on_the_plan(run: Run) -> None:
+    start = start_on(placement(), [run.trajectory.world_from_body[:, :2]], run)
+    npt.assert_allclose(start.pose, [2.0, 4.0, np.pi / 2])
+    # Five metres of lever to the walk's middle, straight behind it.
+    npt.assert_allclose(np.diag(start.covariance), [0.04 + 0.01 * 25, 0.04, 0.01])
+
+
+def test_lengths_follow_the_scale_of_the_placement(run: Run) -> None:
+    double = dataclasses.replace(placement(), scale=2.0)
+    start = start_on(double, [run.trajectory.world_from_body[:, :2]], run)
+    npt.assert_allclose(start.pose, [2.0, 5.0, np.pi / 2])
+    found = follow(run, start, HALL, 0.4, FOLLOW_KNOWN)
+    assert np.linalg.norm(found.poses[10, :2] - found.poses[0, :2]) == pytest.approx(10, abs=0.7)
+
+
+def test_a_walk_is_followed_from_its_start(run: Run) -> None:
+    start = Start(np.array([-5.0, 1.0, 0.0]), np.diag([0.01, 0.01, 1e-4]))
+    found = follow(run, start, HALL, 0.4, FOLLOW_KNOWN)
+    npt.assert_allclose(found.poses[-1], [5.0, 1.0, 0.0], atol=0.5)
+
+
+def test_a_plan_without_room_to_stand_is_refused(run: Run) -> None:
+    narrow = walked_grid([np.array([[0, 0], [9, 0.0]])], 0.3, 0.1)
+    start = Start(np.zeros(3), np.eye(3))
+    with pytest.raises(NoAnswerError, match=r"lower anchoring\.keep_off_m"):
+        follow(run, start, narrow, 0.4, FOLLOW_KNOWN)
+
+
+def test_a_walk_that_fits_in_several_ways_needs_its_start_said(run: Run, tmp_path: Path) -> None:
+    write_run(run, tmp_path / "run", facts={}, encoder=None)
+    quick = AnchoringParameters(cell_m=0.5)
+    with pytest.raises(NoAnswerError, match="AMBIGUOUS; say where it begins"):
+        follow_into(tmp_path / "out", tmp_path / "run", Plan(HALL), (quick, FOLLOW_KNOWN), None)
+    assert not (tmp_path / "out").exists()

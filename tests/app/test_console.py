@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-import ast
 import io
-import json
 import logging
 import os
-import re
 import subprocess
 import sys
-from pathlib import Path
 from typing import Any
 
+import numba
 import pytest
 from rich.console import Console
 
-import elfslam
 from elfslam.app import console
 from elfslam.app.console import (
     PrintableFormatter,
+    compilation_announced,
     exit_code_of,
-    fitting_columns,
     print_line,
     print_rows,
     progress_bar,
@@ -37,11 +33,6 @@ def test_a_table_shows_every_cell(capsys: pytest.CaptureFixture[str]) -> None:
     out = capsys.readouterr().out
     for text in ("Things", "x_m", "0.12", "1.23e+04", "-", "OK 3"):
         assert text in out
-
-
-def test_json_keeps_full_precision(capsys: pytest.CaptureFixture[str]) -> None:
-    print_rows(ROWS, title="Things", as_json=True)
-    assert json.loads(capsys.readouterr().out) == ROWS
 
 
 HOSTILE = "\x1b]0;owned\x07\x1b[2J\x9b1m\x7f\u202ecod.exe\u2066\u2028\ud800\r\n[red]:smile:[/]"
@@ -94,35 +85,6 @@ def test_what_is_logged_is_a_line_and_a_traceback_keeps_its_lines() -> None:
     assert lines[1] == "failed"
     assert lines[-1] == r"ValueError: \x1b[2J"
     assert len(lines) > 4
-
-
-PRINTS = {
-    "app/console.py": "the place that prints",
-    "serve/parsing/child.py": "a child that speaks JSON on a pipe",
-    "serve/jobs/work.py": "a child; its traceback goes into a file of the job",
-    "serve/jobs/preforked.py": "as work.py",
-}
-"""Files of the package that write to standard output or error, and why."""
-
-
-def prints(node: ast.AST) -> bool:
-    """Whether a call writes to standard output or error."""
-    if not isinstance(node, ast.Call):
-        return False
-    called = ast.unparse(node.func)
-    return called in ("print", "Console", "rich.print", "traceback.print_exc") or bool(
-        re.match(r"typer\.s?echo|sys\.(stdout|stderr|__\w+__)\.write|logging\.basicConfig", called)
-    )
-
-
-def test_one_place_prints() -> None:
-    package = Path(elfslam.__file__).parent
-    found = {
-        file.relative_to(package).as_posix()
-        for file in package.rglob("*.py")
-        if any(map(prints, ast.walk(ast.parse(file.read_text(encoding="utf-8")))))
-    }
-    assert found == set(PRINTS)
 
 
 def fail(error: Exception) -> int:
@@ -219,17 +181,14 @@ def test_a_table_keeps_the_columns_that_fit_and_names_the_others(
     assert "column 19 of many; --json has all columns" in " ".join(line.strip() for line in lines)
 
 
-def test_every_column_stays_where_the_table_fits_to_the_last_character() -> None:
-    rows = [{"one": "x" * 10, "two": "y" * 10}]
-    assert fitting_columns(rows, 27) == ["one", "two"]
-    assert fitting_columns(rows, 26) == ["one"]
-    assert fitting_columns(rows, 3) == ["one"]
-    assert fitting_columns([], 80) == []
-
-
-def test_no_cell_is_cut_where_a_table_fits_just_so(capsys: pytest.CaptureFixture[str]) -> None:
-    row = {"a": "x" * 30, "b": "y" * 30, "c": "z" * 30, "d": "w" * 17}
-    assert fitting_columns([row], 120) == ["a", "b", "c", "d"]
-    print_rows([row], title="Just so", as_json=False)
-    out = capsys.readouterr().out
-    assert all(text in out for text in row.values())
+def test_the_first_use_is_told_and_later_ones_are_not() -> None:
+    twice = numba.njit(lambda value: 2 * value)
+    told: list[tuple[str, float | None]] = []
+    with compilation_announced(lambda *said: told.append(said)):
+        assert twice(3) == 6
+        first = len(told)
+        assert twice(4) == 8
+    assert (first, len(told)) == (1, 1)
+    assert "compiling" in told[0][0]
+    assert twice(0.5) == 1.0
+    assert len(told) == 1, "nobody listens any more"

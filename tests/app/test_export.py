@@ -16,16 +16,15 @@ from elfslam.app.map import MapJob, map_into
 from elfslam.app.settings import Settings
 from elfslam.base.enums import Format, Modality
 from elfslam.base.errors import InputError, ParameterError, StoreError
-from elfslam.data.facts import ENCODER, FACTS, read_facts
-from elfslam.data.g2o import read_g2o
 from elfslam.data.geographic import Origin, from_lon_lat
-from elfslam.data.imdf import Venue, read_imdf
-from elfslam.data.imdf_rules import faults_of
-from elfslam.data.map_files import MAP, read_map
+from elfslam.data.imdf import Venue
+from elfslam.data.map_exports import read_g2o
+from elfslam.data.map_files import ENCODER, FACTS, MAP, read_facts, read_map
+from elfslam.data.position_files import read_tum
 from elfslam.data.recordings import write_recording
 from elfslam.data.runs import read_run
-from elfslam.data.tum import read_tum
 from elfslam.world.simulate import load_world, simulate
+from tests.data.imdf_rules import faults_of, read_imdf
 
 PLACE = Venue("Studio", "museum", "Hauptstrasse 1", "Bern", "CH", "Ground floor", 0)
 
@@ -84,11 +83,11 @@ def test_a_map_alone_becomes_what_a_run_does(run: Path, tmp_path: Path) -> None:
 
 def test_what_nobody_can_guess_is_asked_for(run: Path, tmp_path: Path) -> None:
     for to in (Format.GEOJSON, Format.IMDF):
-        with pytest.raises(ParameterError, match="--origin"):
+        with pytest.raises(ParameterError, match="origin"):
             export(run, tmp_path / "out", to, ExportContext(place=PLACE))
-    with pytest.raises(ParameterError, match="--place"):
+    with pytest.raises(ParameterError, match="place"):
         export(run, tmp_path / "out", Format.IMDF, ExportContext(Origin(47.0, 8.0)))
-    with pytest.raises(ParameterError, match="--resolution"):
+    with pytest.raises(ParameterError, match="resolution"):
         export(run, tmp_path / "floor.yaml", Format.ROS, ExportContext(pixel_m=0.0))
     assert list(tmp_path.iterdir()) == []
 

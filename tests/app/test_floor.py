@@ -15,11 +15,11 @@ import pytest
 from elfslam.base.enums import Mode
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import Checkpoints, FixStatus
-from elfslam.data.fixes_files import read_fixes
 from elfslam.data.importing import Imported, declared_start
 from elfslam.data.mall import read_walk, walks_in
 from elfslam.data.map_files import read_map
-from elfslam.data.points_of_interest_files import read_points
+from elfslam.data.named_places import read_points
+from elfslam.data.position_files import read_fixes
 from elfslam.data.recordings import read_recording, write_recording
 from elfslam.scoring.truth import read_truth
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,8 +12,9 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from elfslam.app.map import MapJob, map_into, map_recording, unit_of
+from elfslam.app.map import MapJob, map_into, map_many, map_recording, unit_of
 from elfslam.app.settings import Settings
+from elfslam.app.workers.processes import Processes
 from elfslam.base.enums import Modality
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.parameters import load
@@ -70,7 +72,7 @@ def test_a_replacement_that_fails_keeps_the_older_run(
 
 
 def test_fine_tuning_without_echoes_is_refused(walk: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="--finetune learns echoes; leave it out with --by motion"):
+    with pytest.raises(InputError, match="fine-tuning learns echoes; leave it out by motion"):
         map_into(tmp_path / "run", walk, replace(JOB, finetune=True), silent)
     assert list(tmp_path.iterdir()) == []
 
@@ -143,10 +145,7 @@ def as_phones_keep_it(recording: Recording, folder: Path) -> Path:
     ids=["whole", "motion ends early", "motion with a hole", "sound with a hole"],
 )
 def test_what_a_phone_could_record_is_mapped_and_the_rest_said(
-    heard: Recording,
-    tmp_path: Path,
-    broken: Callable[[Recording], Recording],
-    lacks: list[str],
+    heard: Recording, tmp_path: Path, broken: Callable[[Recording], Recording], lacks: list[str]
 ) -> None:
     walk = as_phones_keep_it(broken(heard), tmp_path / "walk")
     run = map_into(tmp_path / "run", walk, HEARD, silent)
@@ -191,3 +190,57 @@ def test_a_stretch_is_mapped_alone(heard: Recording, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="wanted motion from 800 to 900 s"):
         map_into(tmp_path / "none", walk, replace(HEARD, kept_s=(800.0, 900.0)), silent)
     assert not (tmp_path / "none").exists()
+
+
+@pytest.fixture(scope="module")
+def walk_map_many(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("recordings") / "walk"
+    write_recording(simulate(load_world("studio"), 111, rounds=1, sound=False)[0], folder)
+    return folder
+
+
+def test_of_many_each_gets_its_run_and_none_a_report(walk_map_many: Path, tmp_path: Path) -> None:
+    refused = map_many(tmp_path, [walk_map_many, tmp_path / "none"], JOB, silent)
+    assert list(refused) == ["none"]
+    assert (tmp_path / "walk" / "run.json").is_file()
+    assert not (tmp_path / "walk" / "report.html").exists()
+
+
+def test_one_folder_that_is_taken_stops_many_before_the_first(
+    walk_map_many: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "z").mkdir()
+    (tmp_path / "z" / "thesis.txt").write_text("mine")
+    with pytest.raises(StoreError, match="already exists"):
+        map_many(tmp_path, [walk_map_many, walk_map_many.parent / "z"], JOB, silent)
+    assert [item.name for item in tmp_path.iterdir()] == ["z"]
+
+
+def test_what_is_done_is_not_done_again(walk_map_many: Path, tmp_path: Path) -> None:
+    shares: list[float | None] = []
+    map_many(tmp_path, [walk_map_many], JOB, silent)
+    first = (tmp_path / "walk" / "run.json").stat()
+    map_many(tmp_path, [walk_map_many], JOB, lambda _, share: shares.append(share))
+    again = (tmp_path / "walk" / "run.json").stat()
+    assert (first.st_ino, shares) == (again.st_ino, [1.0])
+    with pytest.raises(StoreError, match="already exists"):
+        map_many(tmp_path, [walk_map_many], replace(JOB, start_pose=(1.0, 0.0, 0.0)), silent)
+    map_many(
+        tmp_path, [walk_map_many], replace(JOB, start_pose=(1.0, 0.0, 0.0), overwrite=True), silent
+    )
+    assert (tmp_path / "walk" / "run.json").stat().st_ino != first.st_ino
+
+
+@pytest.mark.real
+def test_several_processes_make_the_same_runs(walk_map_many: Path, tmp_path: Path) -> None:
+    for name in ("a", "b", "c"):
+        shutil.copytree(walk_map_many, tmp_path / "in" / name)
+    (tmp_path / "in" / "b" / "accelerometer.csv").write_text("t_s,x,y,z\n")
+    paths = sorted((tmp_path / "in").iterdir())
+    here = map_many(tmp_path / "here", paths, JOB, silent)
+    there = map_many(tmp_path / "there", paths, JOB, silent, Processes(2))
+    assert here == there
+    assert list(there) == ["b"]
+    for name in ("a", "c"):
+        known, found = (tmp_path / who / name / "trajectory.tum" for who in ("here", "there"))
+        assert known.read_bytes() == found.read_bytes()

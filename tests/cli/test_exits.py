@@ -106,11 +106,7 @@ def assert_refused(line: str, capsys: pytest.CaptureFixture[str]) -> str:
 @pytest.mark.parametrize("bad", BAD)
 @pytest.mark.parametrize("command", READERS.values(), ids=READERS)
 def test_a_wrong_path_to_read_is_refused_in_one_line(
-    command: str,
-    bad: str,
-    good: dict[str, Path],
-    place: Path,
-    capsys: pytest.CaptureFixture[str],
+    command: str, bad: str, good: dict[str, Path], place: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert_refused(command.format(bad=place / bad, new=place / "new", **good), capsys)
 
@@ -124,21 +120,14 @@ def test_a_wrong_path_to_read_is_refused_in_one_line(
     ],
 )
 def test_a_place_that_cannot_be_written_is_refused_in_one_line(
-    command: str,
-    out: str,
-    good: dict[str, Path],
-    place: Path,
-    capsys: pytest.CaptureFixture[str],
+    command: str, out: str, good: dict[str, Path], place: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert_refused(command.format(out=place / out, **good), capsys)
 
 
 @pytest.mark.parametrize("alone", [False, True], ids=["run", "map.npz alone"])
 def test_a_map_whose_encoder_is_gone_is_refused(
-    alone: bool,
-    good: dict[str, Path],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    alone: bool, good: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "run").mkdir()
     shutil.copy(good["run"] / "map.npz", tmp_path / "run")

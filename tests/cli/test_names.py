@@ -12,7 +12,7 @@ import pytest
 
 from elfslam.base.text_files import readable
 from elfslam.cli.app import run
-from elfslam.data.facts import read_facts
+from elfslam.data.map_files import read_facts
 
 NAME = "Zoë 漢字"
 LINES = """\

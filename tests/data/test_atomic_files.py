@@ -11,8 +11,7 @@ from typing import Any
 import pytest
 from killed import survives
 
-from elfslam.app.anchor import ANCHOR
-from elfslam.app.follow import FOLLOWED
+from elfslam.app.anchor import ANCHOR, FOLLOWED
 from elfslam.base.errors import OccupiedError, StoreError
 from elfslam.data.atomic_files import (
     new_file,
@@ -23,8 +22,7 @@ from elfslam.data.atomic_files import (
     settled,
     sha256_of,
 )
-from elfslam.data.facts import FACTS
-from elfslam.data.merged_maps import MERGED
+from elfslam.data.map_files import FACTS, MERGED
 from elfslam.data.recordings import MANIFEST
 from elfslam.serve.store.identity import STORE
 from tests.disks import mounted

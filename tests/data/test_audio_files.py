@@ -16,12 +16,7 @@ from hypothesis.extra.numpy import arrays
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import Audio
-from elfslam.data.audio_files import (
-    at_accepted_rate,
-    read_audio,
-    read_recorded_sound,
-    write_audio,
-)
+from elfslam.data.audio_files import at_accepted_rate, read_audio, read_recorded_sound, write_audio
 
 RATE_HZ = 44_100
 

@@ -21,9 +21,10 @@ from elfslam.data.baseband import (
     frame_starts_s,
     from_baseband,
     in_band,
+    read_baseband,
     to_baseband,
+    write_baseband,
 )
-from elfslam.data.baseband_files import read_baseband, write_baseband
 from elfslam.data.recordings import read_recording, write_recording
 from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.stages.echo import EchoParameters, cut_echoes

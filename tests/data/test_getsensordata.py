@@ -158,28 +158,3 @@ def test_a_file_that_is_no_such_log_is_refused(
 def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be read"):
         read_getsensordata(tmp_path / "none.txt")
-
-
-@pytest.mark.parametrize("sensors_too", [False, True])
-@pytest.mark.parametrize("back_s", [2.0, 1.2])
-def test_a_clock_that_was_put_back_costs_no_line(
-    tmp_path: Path, back_s: float, sensors_too: bool
-) -> None:
-    """The app was started anew; the sensors' own clock runs on or does not."""
-
-    def put_back(line: str) -> str:
-        kind, app_s, sensor_s, *cells = line.split(";")
-        if float(app_s) < START_S + 1.5:
-            return line
-        sensor = float(sensor_s) - back_s * sensors_too
-        return ";".join([kind, f"{float(app_s) - back_s:.4f}", f"{sensor:.6f}", *cells])
-
-    places = ["POSI;3.9;0;40.31;-3.48;0;0", f"POSI;{4.2 - back_s};0;40.32;-3.48;0;0"]
-    lines = [put_back(line) for line in [*motion(), *record("MAGN", [10, 20, -30])]]
-    found = read_getsensordata(log(tmp_path, [*lines, *places]))
-    recording = found.recording
-    np.testing.assert_allclose(recording.imu.t_s, T_S, atol=1e-3)
-    np.testing.assert_allclose(recording.magnetometer.t_s, T_S, atol=1e-3)
-    np.testing.assert_allclose(found.truth.t_s, [1.4, 1.7], atol=1e-3)
-    assert found.damaged_lines == 0
-    assert f"was put back by {back_s - 0.02:.2f} s at 1.48 s" in recording.notes[0]

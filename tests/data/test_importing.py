@@ -362,9 +362,6 @@ def test_what_a_named_reader_takes_is_recognised_however_it_is_written(
 
 def test_what_no_reader_takes_is_not_recognised(tmp_path: Path) -> None:
     """Seconds in place of nanoseconds, cells that commas part."""
-    for change in (
-        lambda text: text.replace("0000000 ", " "),
-        lambda text: text.replace(" ", ","),
-    ):
+    for change in (lambda text: text.replace("0000000 ", " "), lambda text: text.replace(" ", ",")):
         files = {name: change(text) for name, text in RONIN.items()}
         refuse(zipped(tmp_path / "walk.zip", files), "of no known log")

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import struct
+import warnings
+import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.io
 
+from elfslam.base.bounds import FREE_BYTES
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import between, rotation_from_quaternion, wrap_angle
-from elfslam.data.magnetic import read_magnetic
+from elfslam.data.magnetic import read_magnetic, read_mat
 
 HALF = np.sqrt(0.5)
 
@@ -45,9 +49,7 @@ def test_truth_of_a_planted_walk(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.magnetometer.t_s, along + 0.002)
 
 
-def test_the_attitude_levels_the_field_and_its_yaw_drifts_with_the_odometry(
-    tmp_path: Path,
-) -> None:
+def test_the_attitude_levels_the_field_and_its_yaw_drifts_with_the_odometry(tmp_path: Path) -> None:
     recording, truth = read_magnetic(mat_file(tmp_path, planted()), np.random.default_rng(0))
     turn = rotation_from_quaternion(recording.orientation.world_from_phone)
     field = np.einsum("nij,nj->ni", turn, recording.magnetometer.field_ut)
@@ -151,3 +153,75 @@ def test_real_walks_are_understood(
     # The odometry is off by metres at its worst, not by centimetres and not by tens.
     error_m = recording.odometry.world_from_body[:, :2] - truth.world_from_body[:, :2]
     assert 0.2 < np.linalg.norm(error_m, axis=1).max() < 30
+
+
+MATRIX, PACKED, DOUBLE = 14, 15, 9
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+def test_arrays_come_back(tmp_path: Path, compressed: bool) -> None:
+    made = {"m": np.arange(6.0).reshape(2, 3), "t": np.arange(4, dtype=np.int32)[:, None]}
+    scipy.io.savemat(tmp_path / "a.mat", made, do_compression=compressed)
+    found = read_mat(tmp_path / "a.mat", ["m", "t", "absent"])
+    assert set(found) == {"m", "t"}
+    for name, array in made.items():
+        np.testing.assert_array_equal(found[name], array)
+
+
+def element(kind: int, content: bytes, size: int | None = None) -> bytes:
+    return struct.pack("<II", kind, len(content) if size is None else size) + content
+
+
+def matrix(shape: tuple[int, int], content: bytes, flags: int = 6) -> bytes:
+    parts = [
+        element(6, struct.pack("<II", flags, 0)),
+        element(5, struct.pack("<ii", *shape)),
+        element(1, b"m" + bytes(7), 1),
+        content,
+    ]
+    return element(MATRIX, b"".join(parts))
+
+
+def stored(folder: Path, *elements: bytes) -> Path:
+    head = b"MATLAB 5.0".ljust(124) + b"\x00\x01IM"
+    (folder / "a.mat").write_bytes(head + b"".join(elements))
+    return folder / "a.mat"
+
+
+def refused(path: Path) -> bool:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(InputError, match=r"cannot be read as a \.mat file") as refusal:
+            read_mat(path, ["m"])
+    return "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        matrix((10**6, 10**6), element(DOUBLE, bytes(8))),
+        matrix((2, 2), element(DOUBLE, bytes(8), 2**32 - 1)),
+        matrix((10**4, 10**4), b"", flags=1),
+        matrix((2, 2), b"", flags=2),
+        matrix((10**9, 1), element(16, b""), flags=4),
+        element(PACKED, b"not packed at all"),
+        element(77, bytes(40)),
+    ],
+    ids=["shape", "size", "cells", "structures", "letters", "packing", "kind"],
+)
+def test_claims_are_refused(tmp_path: Path, content: bytes) -> None:
+    assert refused(stored(tmp_path, content))
+
+
+def test_a_bomb_is_refused(tmp_path: Path) -> None:
+    large = matrix((1, FREE_BYTES // 2), element(DOUBLE, bytes(4 * FREE_BYTES)))
+    path = stored(tmp_path, element(PACKED, zlib.compress(large, 1)))
+    assert path.stat().st_size < FREE_BYTES / 50
+    assert refused(path)
+
+
+def test_other_versions_are_refused(tmp_path: Path) -> None:
+    scipy.io.savemat(tmp_path / "a.mat", {"m": np.zeros((2, 2))}, format="4")
+    assert refused(tmp_path / "a.mat")
+    (tmp_path / "a.mat").write_bytes(b"")
+    assert refused(tmp_path / "a.mat")

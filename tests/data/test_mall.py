@@ -15,10 +15,7 @@ from elfslam.base.geometry import rotation_from_quaternion
 from elfslam.data.mall import read_walk, walks_in
 
 START_MS = 1574559495255
-HEADER = [
-    f"#\tstartTime:{START_MS}",
-    "#\tBrand:OPPO\tModel:PBCM10\tAndroidName:8.1.0",
-]
+HEADER = [f"#\tstartTime:{START_MS}", "#\tBrand:OPPO\tModel:PBCM10\tAndroidName:8.1.0"]
 
 
 def record(after_ms: int, kind: str, *fields: object) -> str:
@@ -121,34 +118,6 @@ def test_what_cannot_be_read_is_counted_and_left_out(tmp_path: Path, line: str) 
     np.testing.assert_allclose(walk.recording.imu.gyro_radps[:, 0], [1, 2, 3])
 
 
-@pytest.mark.parametrize("kind", ["WAYPOINT", "WIFI"])
-def test_a_leap_in_time_costs_one_record_of_any_kind(tmp_path: Path, kind: str) -> None:
-    rows = {"WAYPOINT": record, "WIFI": network}[kind]
-    cells = {"WAYPOINT": ("WAYPOINT", 1, 2), "WIFI": ("aa:bb", -50, 0)}[kind]
-    body = [line for line in BODY if f"TYPE_{kind}\t" not in line]
-    times_ms = [1000, 2000, 3_603_000, 4000, 5000]
-    walk = read_walk(walk_file(tmp_path, [*body, *(rows(t, *cells) for t in times_ms)]))
-    t_s = walk.truth.t_s if kind == "WAYPOINT" else walk.recording.wifi.t_s
-    assert t_s.tolist() == [1, 2, 4, 5]
-    assert walk.damaged_lines == 1
-
-
-def test_the_first_of_repeated_times_counts(tmp_path: Path) -> None:
-    repeated = record(120, "ACCELEROMETER", 99, 99, 99, 3)
-    walk = read_walk(walk_file(tmp_path, [*BODY[:7], repeated, *BODY[7:]]))
-    np.testing.assert_allclose(walk.recording.imu.accel_mps2[:, 0], [0.1, 0.3, 0.5])
-    assert walk.damaged_lines == 0
-
-
-def test_gyroscope_is_moved_to_the_accelerometers_times(tmp_path: Path) -> None:
-    shifted = [
-        record(after_ms, "GYROSCOPE", after_ms / 100, 0, 0, 3) for after_ms in (90, 115, 150)
-    ]
-    body = sorted([line for line in BODY if "GYRO" not in line] + shifted)
-    imu = read_walk(walk_file(tmp_path, body)).recording.imu
-    np.testing.assert_allclose(imu.gyro_radps[:, 0], [1.0, 1.2, 1.4])
-
-
 def test_without_start_time_the_first_record_is_zero(tmp_path: Path) -> None:
     walk = read_walk(walk_file(tmp_path, BODY, header=["#\tBrand:OPPO"]))
     np.testing.assert_allclose(walk.truth.t_s, [0, 3.995])
@@ -238,20 +207,3 @@ def test_real_walks_are_whole_and_plausible(shared_data: Path) -> None:
         assert walk.truth.t_s[-1] <= imu.t_s[-1] + 1
         assert np.nanmin(recording.wifi.age_s) >= 0
     assert count == 3
-
-
-def test_a_clock_that_was_put_back_costs_no_line(tmp_path: Path) -> None:
-    kinds = {"ACCELEROMETER": (0.1, 0.2, 9.8, 3), "GYROSCOPE": (1.0, 0.0, 0.0, 3)}
-    times_ms = [20 * k - 3_600_000 * (k >= 60) for k in range(100)]
-    body = [record(t_ms, kind, *cells) for t_ms in times_ms for kind, cells in kinds.items()]
-    body.insert(20, record(200, "WAYPOINT", 1, 2))
-    body += [
-        network(1900 - 3_600_000, "aa:bb", -50, 400),
-        record(1900 - 3_600_000, "WAYPOINT", 3, 4),
-    ]
-    found = read_walk(walk_file(tmp_path, body))
-    np.testing.assert_allclose(found.recording.imu.t_s, 0.02 * np.arange(100), atol=1e-9)
-    np.testing.assert_allclose(found.truth.t_s, [0.2, 1.9], atol=1e-9)
-    np.testing.assert_allclose(found.recording.wifi.t_s, [1.9], atol=1e-9)
-    assert found.damaged_lines == 0
-    assert "was put back by 3599.98 s at 1.18 s" in found.recording.notes[0]

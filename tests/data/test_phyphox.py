@@ -14,10 +14,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from elfslam.base.errors import InputError, ParameterError
+from elfslam.base.errors import InputError
 from elfslam.base.geometry import rotation_from_quaternion
-from elfslam.data.phyphox import read_phyphox
-from elfslam.data.phyphox_experiment import QUATERNION_COLUMNS, phyphox_experiment
+from elfslam.data.phyphox import QUATERNION_COLUMNS, phyphox_experiment, read_phyphox
 from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.stages.echo import EchoParameters, cut_echoes
 
@@ -182,19 +181,6 @@ def test_acceleration_without_g_is_not_taken_for_the_one_with(tmp_path: Path) ->
         read_phyphox(export(tmp_path, content))
 
 
-def test_a_sensor_that_the_phone_lacks_is_left_out(tmp_path: Path) -> None:
-    empty = files()["Magnetometer.csv"].splitlines()[0] + "\n"
-    recording = read_phyphox(export(tmp_path, {**files(), "Magnetometer.csv": empty})).recording
-    assert recording.magnetometer is None
-
-
-def test_a_shorter_buffer_ends_in_nan(tmp_path: Path) -> None:
-    columns = sensor("Acceleration", "m/s^2", 9.81 * UP)
-    columns[3] = (columns[3][0], columns[3][1][:-2])
-    content = {**files(), "Accelerometer.csv": table(columns)}
-    np.testing.assert_allclose(read_phyphox(export(tmp_path, content)).recording.imu.t_s, T_S[:-2])
-
-
 def without(name: str) -> dict[str, str]:
     return {key: text for key, text in files().items() if key != name}
 
@@ -302,16 +288,6 @@ def test_every_buffer_of_the_experiment_is_declared_and_exported() -> None:
     assert all(each.get("rate") is None for each in root.iter("sensor"))  # as fast as they go
 
 
-def test_the_experiment_follows_the_chirp_parameters() -> None:
-    parameters = ChirpParameters(kind="tone", period_s=0.2)
-    played = waveform(phyphox_experiment(parameters, 1.0))
-    assert len(played) == 9600
-    tone = make_chirp(parameters, 48_000).samples
-    np.testing.assert_array_equal(played[:480].astype(np.float32), tone)
-    with pytest.raises(ParameterError, match=r"chirp\.period_s: 0\.100001 s is 4800\.05 samples"):
-        phyphox_experiment(ChirpParameters(period_s=0.100001), 1.0)
-
-
 LANGUAGES = {
     "French": ("Temps (s)", "Accéléromètre", "Accélération selon", "Accélération linéaire"),
     "Italian": ("Tempo (s)", "Accelerometro", "Accelerazione", "Accelerazione"),
@@ -349,27 +325,6 @@ def test_gravity_is_told_by_the_data_in_any_language(tmp_path: Path, language: s
         read_phyphox(export(tmp_path, content))
 
 
-@pytest.mark.parametrize("strength", [0.3, 1.0, 1.6, 9.8, 16.0])
-def test_a_stated_unit_is_never_guessed(tmp_path: Path, strength: float) -> None:
-    """Motion free of gravity, gentle or wild, is neither multiplied nor taken for gravity."""
-    content = silent_files()
-    content["Accelerometer.csv"] = table(
-        sensor("Acceleration", "m/s^2", stepping(np.zeros(3), strength))
-    )
-    with pytest.raises(InputError, match="gravity is missing"):
-        read_phyphox(export(tmp_path, content))
-
-
-def test_gravity_and_motion_in_tables_of_their_own_are_added_up(tmp_path: Path) -> None:
-    content = silent_files()
-    content["Accelerometer.csv"] = table(
-        sensor("Linear acceleration", "m/s^2", stepping(np.zeros(3)))
-    )
-    content["Gravity.csv"] = table(sensor("Gravity", "m/s^2", 9.81 * UP))
-    imu = read_phyphox(export(tmp_path, content)).recording.imu
-    np.testing.assert_allclose(imu.accel_mps2, stepping(9.81 * UP), atol=1e-6)
-
-
 def test_several_sensors_in_one_table_are_told_apart(tmp_path: Path) -> None:
     content = silent_files()
     linear = sensor("Linear acceleration", "m/s^2", stepping(np.zeros(3)))
@@ -377,17 +332,3 @@ def test_several_sensors_in_one_table_are_told_apart(tmp_path: Path) -> None:
     content["Accelerometer.csv"] = table([*linear, *whole[1:]])
     imu = read_phyphox(export(tmp_path, content)).recording.imu
     np.testing.assert_allclose(imu.accel_mps2, stepping(9.81 * UP), atol=1e-6)
-
-
-def test_a_clock_that_starts_anew_costs_no_row(tmp_path: Path) -> None:
-    anew_s = np.concatenate([T_S[:30], T_S[:30]])
-    content = silent_files()
-    for name, quantity, unit, values in (
-        ("Accelerometer.csv", "Acceleration", "m/s^2", 9.81 * UP),
-        ("Gyroscope.csv", "Gyroscope", "rad/s", np.ones(3)),
-    ):
-        content[name] = table([("Time (s)", anew_s), *sensor(quantity, unit, values)[1:]])
-    found = read_phyphox(export(tmp_path, content))
-    np.testing.assert_allclose(found.recording.imu.t_s, T_S, atol=1e-9)
-    assert found.damaged_lines == 0
-    assert "was put back by 1.45 s at 1.45 s" in found.recording.notes[0]

@@ -13,7 +13,7 @@ import pytest
 from elfslam.base.errors import InputError
 from elfslam.data.floor_plans import read_plan_geojson
 from elfslam.data.geographic import Origin
-from elfslam.data.geojson_files import feature, polygon_of
+from elfslam.data.map_exports import feature, polygon_of
 from elfslam.data.plan_geojson import LevelError, PlanShapes, read_plan_shapes
 from elfslam.data.plan_pictures import drawn_picture
 

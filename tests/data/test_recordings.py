@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import soundfile
 
-from elfslam.base.errors import InputError, StoreError
+from elfslam.base.errors import InputError
 from elfslam.base.values import Recording, Truth
 from elfslam.data.recordings import read_recording, write_recording
 from elfslam.stages.chirp import ChirpParameters
@@ -120,20 +120,6 @@ def test_truth_is_written_and_never_read(
     assert_same(read_recording(tmp_path / "with"), recording)
 
 
-def test_an_existing_folder_is_kept(folder: Path, recording: Recording) -> None:
-    before = sorted(folder.iterdir())
-    with pytest.raises(StoreError, match="already exists"):
-        write_recording(recording, folder)
-    assert sorted(folder.iterdir()) == before
-    assert [path.name for path in folder.parent.iterdir()] == ["hall"]
-
-
-def test_nothing_half_written_is_left(tmp_path: Path, recording: Recording) -> None:
-    with pytest.raises(ValueError, match="Out of range"):
-        write_recording(recording, tmp_path / "new", chirp_description={"rate": float("nan")})
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_gyroscope_moves_to_the_accelerometers_clock(folder: Path) -> None:
     rows = [f"{t:.3f},{2 * t:.6f},{-t:.6f},1" for t in np.arange(0.105, 1.5, 0.01)]
     (folder / "gyroscope.csv").write_text("t_s,x,y,z\n" + "\n".join(rows) + "\n")
@@ -148,13 +134,6 @@ def test_odometry_without_sigmas_gets_assumed_ones(folder: Path) -> None:
     (folder / "odometry.tum").write_text("0 0 0 0 0 0 0 1\n1 10 0 0 0 0 0 1\n2 10 0 0 0 0 0 1\n")
     sigma = read_recording(folder).odometry.step_sigma
     np.testing.assert_allclose(sigma, [[0.2, 0.2, 0.005], [0.005, 0.005, 0.005]])
-
-
-def test_columns_are_found_by_name(folder: Path) -> None:
-    (folder / "magnetometer.csv").write_text("z,y,x,t_s\r\n3,2,1,0.5\r\n30,20,10,0.75\r\n")
-    magnetometer = read_recording(folder).magnetometer
-    assert magnetometer.field_ut.tolist() == [[1, 2, 3], [10, 20, 30]]
-    assert magnetometer.t_s.tolist() == [0.5, 0.75]
 
 
 TABLE_DAMAGES = {
@@ -172,13 +151,12 @@ TABLE_DAMAGES = {
 }
 
 
-@pytest.mark.parametrize("name", ["accelerometer.csv", "gyroscope.csv", "magnetometer.csv"])
 @pytest.mark.parametrize("text", TABLE_DAMAGES)
-def test_damaged_tables_are_refused(folder: Path, name: str, text: str) -> None:
-    (folder / name).write_text(text)
+def test_damaged_tables_are_refused(folder: Path, text: str) -> None:
+    (folder / "gyroscope.csv").write_text(text)
     with pytest.raises(InputError, match=TABLE_DAMAGES[text]) as refused:
         read_recording(folder)
-    assert name in str(refused.value)
+    assert "gyroscope.csv" in str(refused.value)
     assert "\n" not in str(refused.value)
 
 
@@ -305,13 +283,6 @@ def test_odd_start_poses_are_refused(folder: Path, given: str) -> None:
         read_recording(folder)
 
 
-@pytest.mark.parametrize("text", ["[" * 100_000, '{"format_version": true}'])
-def test_odd_manifests_are_refused(folder: Path, text: str) -> None:
-    (folder / "recording.json").write_text(text)
-    with pytest.raises(InputError, match=r"recording\.json"):
-        read_recording(folder)
-
-
 def timed(t_s: np.ndarray, values: tuple[float, float, float] = (0.0, 0.0, 9.8)) -> str:
     cells = ",".join(map(str, values))
     return "t_s,x,y,z\n" + "".join(f"{t:.3f},{cells}\n" for t in t_s)
@@ -335,11 +306,6 @@ def test_a_pause_of_the_gyroscope_alone_is_a_pause_of_the_motion(motion: Path) -
     imu = read_recording(motion).imu
     np.testing.assert_allclose(imu.t_s, T_S[kept], atol=1e-9)
     assert np.diff(imu.t_s).max() == pytest.approx(10.0)
-
-
-def test_a_short_pause_of_the_gyroscope_is_bridged(motion: Path) -> None:
-    (motion / "gyroscope.csv").write_text(timed(T_S[(T_S <= 10) | (T_S >= 10.4)]))
-    assert len(read_recording(motion).imu.t_s) == len(T_S)
 
 
 @pytest.mark.parametrize(
@@ -385,12 +351,6 @@ def test_accelerations_without_gravity_are_refused(motion: Path, strength: float
         read_recording(motion)
 
 
-def test_a_quaternion_beyond_belief_is_refused(motion: Path) -> None:
-    (motion / "orientation.csv").write_text("t_s,qx,qy,qz,qw\n0,0,0,0,1e160\n")
-    with pytest.raises(InputError, match="row 2 has a quaternion of length"):
-        read_recording(motion)
-
-
 @pytest.fixture
 def heard(motion: Path) -> Path:
     """The same with its sound."""
@@ -433,12 +393,6 @@ def test_frames_carry_the_clock_of_the_motion(motion: Path, t_s: np.ndarray) -> 
     recording = read_recording(motion)
     assert recording.audio.is_timed
     np.testing.assert_allclose(recording.imu.t_s, t_s, atol=1e-3)
-
-
-def test_odometry_that_is_not_that_of_the_sound_is_refused(heard: Path) -> None:
-    (heard / "odometry.tum").write_text("100 0 0 0 0 0 0 1\n140 10 0 0 0 0 0 1\n")
-    with pytest.raises(InputError, match=r"odometry \(100\.0 to 140\.0 s\)"):
-        read_recording(heard)
 
 
 def said(folder: Path, **entries: object) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import zipfile
 from pathlib import Path
 
@@ -113,31 +112,3 @@ def test_what_is_missing_or_damaged_is_named(
         return
     with pytest.raises(InputError, match=says):
         read_ronin(folder)
-
-
-def test_two_recordings_at_once_are_refused(tmp_path: Path) -> None:
-    for name in ("a", "b"):
-        (tmp_path / name).mkdir()
-        folder_of(tmp_path / name, FILES)
-    with pytest.raises(InputError, match="holds several recordings"):
-        read_ronin(tmp_path)
-
-
-def test_a_clock_that_starts_anew_costs_no_row(tmp_path: Path) -> None:
-    def restarted(content: str) -> str:
-        comment, *rows = content.splitlines()
-        half = len(rows) // 2
-        again = [re.sub(r"^\d+", lambda ns: str(int(ns[0]) - BOOT_NS), row) for row in rows[half:]]
-        return "\n".join([comment, *rows[:half], *again]) + "\n"
-
-    files = {name: restarted(text) for name, text in FILES.items() if name != "info.json"}
-    found = read_ronin(folder_of(tmp_path, files))
-    np.testing.assert_allclose(found.recording.imu.t_s, T_S, atol=1e-5)
-    np.testing.assert_allclose(found.recording.magnetometer.t_s, T_S + 0.001, atol=1e-5)
-    assert found.damaged_lines == 0
-    assert "the clock was put back by" in found.recording.notes[0]
-
-
-def test_files_may_be_called_in_capitals(tmp_path: Path) -> None:
-    files = {name.upper(): content for name, content in FILES.items()}
-    assert read_ronin(folder_of(tmp_path, files)).recording.magnetometer is not None

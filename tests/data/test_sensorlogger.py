@@ -82,13 +82,7 @@ def test_ios_adds_gravity_and_flips_the_sign(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("standardisation", "gravity", "sign"),
-    [
-        ("true", UP, 1),
-        ("true", -UP, -1),
-        ("false", -UP, 1),
-        ("", -UP, 1),
-        ("", UP, 1),
-    ],
+    [("true", UP, 1), ("true", -UP, -1), ("false", -UP, 1), ("", -UP, 1), ("", UP, 1)],
 )
 def test_ios_standardised_or_not(
     tmp_path: Path, standardisation: str, gravity: np.ndarray, sign: int
@@ -166,21 +160,6 @@ def test_only_sound_with_the_chirp_band_is_kept(tmp_path: Path, rate_hz: int, ke
     assert (audio is not None) == kept
 
 
-def test_repeated_rows_are_left_out(tmp_path: Path) -> None:
-    rows = ANDROID["Gyroscope.csv"].splitlines()
-    files = {**ANDROID, "Gyroscope.csv": "\n".join([*rows[:9], rows[8], rows[5], *rows[9:]])}
-    np.testing.assert_allclose(read_sensorlogger(log(tmp_path, files)).recording.imu.t_s, T_S)
-
-
-def test_a_row_that_leaps_in_time_costs_no_other(tmp_path: Path) -> None:
-    rows = ANDROID["Magnetometer.csv"].splitlines()
-    cells = rows[9].split(",")
-    rows[9] = ",".join([cells[0], "3600.0", *cells[2:]])
-    files = {**ANDROID, "Magnetometer.csv": "\n".join(rows)}
-    t_s = read_sensorlogger(log(tmp_path, files)).recording.magnetometer.t_s
-    np.testing.assert_allclose(t_s, np.delete(T_S, 8))
-
-
 @pytest.mark.parametrize(
     ("change", "says"),
     [
@@ -196,16 +175,6 @@ def test_a_gyroscope_that_cannot_be_believed_is_refused(
     lines = [head, *(",".join(change(row.split(","))) for row in rows)]
     with pytest.raises(InputError, match=says):
         read_sensorlogger(log(tmp_path, {**ANDROID, "Gyroscope.csv": "\n".join(lines)}))
-
-
-def test_a_pause_of_the_gyroscope_is_kept(tmp_path: Path) -> None:
-    t_s = np.arange(500) * 0.01
-    kept = (t_s <= 1) | (t_s >= 3)
-    files = {
-        "TotalAcceleration.csv": table(9.80665 * UP, t_s=t_s),
-        "Gyroscope.csv": table(np.zeros(3), t_s=t_s[kept]),
-    }
-    np.testing.assert_allclose(read_sensorlogger(log(tmp_path, files)).recording.imu.t_s, t_s[kept])
 
 
 def test_without_metadata_and_extras_it_still_reads(tmp_path: Path) -> None:
@@ -330,20 +299,6 @@ def put_back(text: str, back_s: float, *, whole: bool) -> str:
     return "\n".join([head, *map(",".join, rows)]) + "\n"
 
 
-@pytest.mark.parametrize("back_s", [3600.0, 0.25])
-def test_a_clock_that_was_put_back_costs_no_row(tmp_path: Path, back_s: float) -> None:
-    taps = annotations((0.2, "door"), (0.3 - back_s, "window"))
-    jumped = {name: put_back(ANDROID[name], back_s, whole=True) for name in SENSOR_FILES}
-    files = {**ANDROID, **jumped, "Annotation.csv": taps}
-    found = read_sensorlogger(log(tmp_path, files))
-    np.testing.assert_allclose(found.recording.imu.t_s, T_S, atol=1e-4)
-    np.testing.assert_allclose(found.recording.magnetometer.t_s, T_S, atol=1e-4)
-    np.testing.assert_allclose(found.recording.checkpoints.t_s, [0.2, 0.3], atol=1e-3)
-    assert found.damaged_lines == 0
-    (note,) = found.recording.notes
-    assert note.startswith(f"the clock was put back by {back_s - 0.01:.2f} s at 0.24 s")
-
-
 def test_where_the_phones_own_clock_ran_on_that_one_is_taken(tmp_path: Path) -> None:
     """A restart of the app's seconds is then as long as it was, and nothing is to be told."""
     taps = annotations((0.1, "door"), (0.4, "window")).replace(",0.4,", ",0.1,")
@@ -354,22 +309,3 @@ def test_where_the_phones_own_clock_ran_on_that_one_is_taken(tmp_path: Path) -> 
     np.testing.assert_allclose(recording.imu.t_s, T_S, atol=1e-4)
     np.testing.assert_allclose(recording.checkpoints.t_s, [0.1, 0.4], atol=1e-3)
     assert recording.notes == ()
-
-
-def test_a_row_that_leaps_is_left_out_and_counted(tmp_path: Path) -> None:
-    lines = ANDROID["Gyroscope.csv"].splitlines()
-    lines[20] = lines[20].replace(",0.1900,", ",900.0,")
-    found = read_sensorlogger(log(tmp_path, {**ANDROID, "Gyroscope.csv": "\n".join(lines)}))
-    assert (found.damaged_lines, found.recording.notes) == (1, ())
-    np.testing.assert_allclose(found.recording.imu.t_s, T_S, atol=1e-4)
-
-
-def test_only_linear_acceleration_is_refused_and_not_scaled(tmp_path: Path) -> None:
-    steps = np.column_stack([np.cos(12 * T_S), np.sin(12 * T_S), np.cos(12 * T_S)])
-    rows = [
-        f"{t:.4f}," + ",".join(f"{v:.6f}" for v in row) for t, row in zip(T_S, steps, strict=True)
-    ]
-    linear = "seconds_elapsed,z,y,x\n" + "\n".join(rows)
-    files = {"Accelerometer.csv": linear, "Gyroscope.csv": ANDROID["Gyroscope.csv"]}
-    with pytest.raises(InputError, match="gravity is missing"):
-        read_sensorlogger(log(tmp_path, files))

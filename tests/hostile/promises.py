@@ -36,7 +36,7 @@ PROMISES = (
     Promise(
         "hostile plans and images",
         "parsed in children, 422 with the limit named, fair turns",
-        ("serve/parsing", "serve/maps/test_floor_plans.py", "data/test_plan_svg.py"),
+        ("serve/parsing", "serve/maps/test_floor_plans.py", "data/test_plan_pictures.py"),
     ),
     Promise(
         "a parent that is ended",
@@ -59,7 +59,7 @@ PROMISES = (
     Promise(
         "secrets in addresses",
         "never printed; what cannot be served is refused",
-        ("base/test_urls.py", "app/workers/test_choosing.py", "serve/store/test_sending.py"),
+        ("base/test_urls.py", "app/workers/test_workers.py", "serve/store/test_sending.py"),
     ),
     Promise(
         "both lengths in one request",
@@ -89,7 +89,7 @@ PROMISES = (
         "the Python door: wrong types, 1e300, UTM",
         "one error that names what, got, wanted",
         (
-            "app/test_notebook_refusals.py",
+            "app/test_api.py",
             "base/test_arguments.py",
             "base/test_arrays.py",
             "stages/test_floor_plan_alignment.py",
@@ -98,7 +98,7 @@ PROMISES = (
         ),
     ),
     Promise("phyphox without gravity", "never guessed by words", ("data/test_phyphox.py",)),
-    Promise("a clock put back", "both parts kept, the jump named", ("data/test_streams.py",)),
+    Promise("a clock put back", "both parts kept, the jump named", ("data/test_log_files.py",)),
     Promise("Sensor Logger: commas, case, Annotation.csv", "read", ("data/test_sensorlogger.py",)),
     Promise(
         "one list of readers",

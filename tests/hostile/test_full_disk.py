@@ -17,8 +17,8 @@ import pytest
 from PIL import Image
 from whole_inputs import RESULTS
 
+from elfslam.app import anchor as anchoring
 from elfslam.app import anchor as plans
-from elfslam.app import follow as following
 from elfslam.app import locate as locating
 from elfslam.app import map as mapping
 from elfslam.app import merge as joining
@@ -46,28 +46,17 @@ PLACE = "--origin 47,8 --place {given}/place.toml"
 WRITERS = {
     "simulate": "simulate studio {disk}/new/out",
     "import": "import mall {given}/logs {disk}/out",
-    "phyphox": "phyphox {disk}/new/out",
-    "marks": "marks {disk}/marked {given}/marks.csv M1 M2 M1",
     "map": "map {given}/walk {disk}/new/out",
-    "map by force": "map {given}/walk {disk}/run --force",
     "map many": "map {given}/walks {disk}/out --by motion",
     "merge": "merge {given}/one {given}/two {disk}/out",
-    "merge by force": "merge {given}/one {given}/two {disk}/merged --force",
     "locate": "locate {given}/walk {given}/one {disk}/out",
-    "locate again": "locate {given}/walk {given}/one {disk}/fixes.csv --force",
     "score": "score {disk}/run {given}/walk",
     "anchor": "anchor {given}/lap.npz {given}/plan.png:9.2 {disk}/out --start 1.6,1.6",
     "follow": "anchor {given}/one {given}/plan.png:30 {disk}/out --follow --start 15,15,0",
-    "tum": "export {given}/one {disk}/out --to tum",
-    "g2o": "export {given}/one {disk}/out --to g2o",
-    "onnx": "export {given}/one {disk}/out --to onnx",
     "geojson": f"export {{given}}/one {{disk}}/out --to geojson {PLACE}",
     "imdf": f"export {{given}}/one {{disk}}/out --to imdf {PLACE}",
     "ros": "export {given}/one {disk}/out.yaml --to ros",
-    "parquet": "export {given}/one {disk}/out --to parquet",
     "show a run": "show {given}/one {disk}/out",
-    "show a map": "show {given}/one/map.npz {disk}/out",
-    "show a world": "show studio {disk}/out",
     "pretrain": f"pretrain {{disk}}/out.onnx {TINY}",
     "finetune": "finetune {given}/walk {disk}/out.onnx " + QUICK,
     "card": "card --measured {given}/elf.csv --out {disk}/out.onnx",
@@ -85,7 +74,7 @@ LONG = {
     "merge": (joining, "merge"),
     "locate": (locating, "locate"),
     "anchor": (plans, "place_on"),
-    "follow": (following, "follow"),
+    "follow": (anchoring, "follow"),
     "finetune": (mapping, "finetuned"),
 }
 """Work before the writing, by the command that begins with it."""

@@ -25,10 +25,7 @@ USUAL_SEED = 20
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_damaged_files_are_refused_in_a_line_or_done(
-    base: Path,
-    commands: Commands,
-    family: str,
-    record_property: Callable[[str, object], None],
+    base: Path, commands: Commands, family: str, record_property: Callable[[str, object], None]
 ) -> None:
     targets = [target for target in TARGETS if target.family == family]
     share = round(CASES * len(targets) / len(TARGETS))

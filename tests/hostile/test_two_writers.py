@@ -13,7 +13,7 @@ from killed import steps_of, survives
 from elfslam.app.map import write_reported_run
 from elfslam.base.values import Run
 from elfslam.cli.app import run
-from elfslam.data.facts import read_facts
+from elfslam.data.map_files import read_facts
 from elfslam.data.runs import read_run
 
 pytestmark = pytest.mark.hostile

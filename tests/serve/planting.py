@@ -7,8 +7,7 @@ from pathlib import Path
 from sqlalchemy import select
 
 from elfslam.base.values import FloorMap
-from elfslam.data.facts import ENCODER
-from elfslam.data.map_files import MAP, write_map
+from elfslam.data.map_files import ENCODER, MAP, write_map
 from elfslam.serve.services import Services
 from elfslam.serve.store import blobs
 from elfslam.serve.store.database import (

@@ -245,7 +245,7 @@ def test_a_recording_without_motion_is_refused(recording: Recording) -> None:
 
 def test_a_recording_without_sound_is_refused(recording: Recording) -> None:
     deaf = dataclasses.replace(recording, audio=None)
-    with pytest.raises(InputError, match=r"studio: it has no sound; map it with --by magn"):
+    with pytest.raises(InputError, match=r"studio: it has no sound; map it by magn"):
         extract_echoes(deaf, PARAMETERS)
 
 

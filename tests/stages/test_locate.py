@@ -243,7 +243,7 @@ def test_another_encoder_is_refused() -> None:
 
 def test_a_map_without_echoes_is_refused() -> None:
     deaf = dataclasses.replace(made_map(place_vectors()), payloads=())
-    with pytest.raises(InputError, match="map: it holds no echoes; map the place with --by elf"):
+    with pytest.raises(InputError, match="map: it holds no echoes; map the place by elf"):
         locate_one_shot(heard_at(place_vectors(), [1]), deaf, PARAMETERS)
 
 

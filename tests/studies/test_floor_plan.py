@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from elfslam.stages.floor_plan_alignment import AnchoringParameters
+from elfslam.world.room import standing_room
 from elfslam.world.simulate import load_world, simulate
-from elfslam.world.walkable import standing_room
 from studies import floor_plan
 from studies.floor_plan import (
     ERROR,

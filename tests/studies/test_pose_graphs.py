@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import InputError
-from elfslam.data.g2o import read_g2o
+from elfslam.data.map_exports import read_g2o
 from studies.pose_graphs import (
     COST,
     OURS,

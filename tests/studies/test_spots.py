@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import InputError
-from elfslam.world.walkable import standing_room
+from elfslam.world.room import standing_room
 from elfslam.world.world_file import load_world
 from studies.spots import (
     COUNT,

@@ -9,6 +9,7 @@ import pytest
 from one_phone import AIR, DEAD, FIRST_ORDER, UP, ends_at
 
 from elfslam.base.arrays import F64
+from elfslam.base.errors import InputError
 from elfslam.world.circumstances import Circumstances, room_on
 from elfslam.world.doors import (
     DOORWAY,
@@ -24,13 +25,12 @@ from elfslam.world.doors import (
 from elfslam.world.kinds import PEOPLE
 from elfslam.world.materials import Material, material
 from elfslam.world.phone import image_echoes
+from elfslam.world.plan import hides, look, make_sight
 from elfslam.world.pulses import BASEBAND_HZ
-from elfslam.world.room import Block, Room, shoebox
+from elfslam.world.room import Block, Room, fault_of_route, shoebox
 from elfslam.world.scattering import as_measured
 from elfslam.world.scene import scene_of
-from elfslam.world.sight import hides, look, make_sight
-from elfslam.world.walkable import fault_of_route
-from elfslam.world.world_file import load_world, world_names
+from elfslam.world.world_file import World, load_world, parse_world, world_names
 
 HARD = Material("hard", 0.1, 0.0, "planted")
 SIZE_M = np.array([8.0, 4.0, 3.0])
@@ -177,14 +177,6 @@ def test_a_day_finds_a_door_open_or_shut_the_same_every_time() -> None:
     assert np.mean(days) == pytest.approx(OPEN_SHARE, abs=0.1)
 
 
-def test_every_door_has_draws_of_its_own() -> None:
-    doors = [door_of(name=f"door {k}") for k in range(40)]
-    room = with_doors(divided(), doors, [], 3)
-    states = [is_open(room, door) for door in doors]
-    assert 8 < sum(states) < 32
-    assert is_open(with_doors(divided(), doors[7:8], [], 3), doors[7]) == states[7]
-
-
 def test_a_door_that_somebody_walks_through_is_open() -> None:
     through, past = np.array([[1.0, 2.0], [6.0, 2.0]]), np.array([[2.7, 0.5], [2.7, 3.5]])
     assert leads_through(through, door_of())
@@ -247,3 +239,92 @@ def test_rooms_and_stores_have_doors_and_one_store_is_walked_into() -> None:
     assert [d.name for d in mall.doors if any(leads_through(w, d) for w in mall.ways_m)] == [
         "pharmacy door"
     ]
+
+
+FLAT = """
+name = "flat"
+size_m = [8.0, 4.0, 2.5]
+reflection = [0.8, 0.8, 0.8, 0.8, 0.5, 0.7]
+seed = 3
+route_m = [[0.8, 0.8], [2.2, 0.8], [2.2, 3.2], [0.8, 3.2]]
+
+[[partition]]
+name = "south"
+from_m = [3.0, 0.0]
+to_m = [3.0, 1.5]
+
+[[partition]]
+name = "north"
+from_m = [3.0, 2.5]
+to_m = [3.0, 4.0]
+
+[[furniture]]
+name = "shelf"
+corner_m = [5.0, 0.0, 0.0]
+size_m = [0.4, 0.5, 1.8]
+
+[[door]]
+name = "inner"
+from_m = [3.0, 1.5]
+to_m = [3.0, 2.5]
+open_deg = -80.0
+material = "glass"
+
+[[door]]
+name = "exit"
+from_m = [7.9, 0.0]
+to_m = [6.1, 0.0]
+open_deg = -90.0
+leaves = 2
+height_m = 2.0
+"""
+
+
+def parsed(text: str) -> World:
+    return parse_world(text, "flat.toml")
+
+
+def test_doors_come_out_as_written() -> None:
+    inner, leaving = parsed(FLAT).doors
+    assert (inner.name, inner.surface.name, inner.leaves) == ("inner", "glass", 1)
+    assert (inner.from_m.tolist(), inner.to_m.tolist()) == ([3.0, 1.5], [3.0, 2.5])
+    assert (inner.height_m, inner.open_rad) == (2.1, pytest.approx(np.deg2rad(-80)))
+    assert (leaving.surface.name, leaving.leaves, leaving.height_m) == ("door", 2, 2.0)
+
+
+def test_a_door_is_as_high_as_the_ceiling_at_most() -> None:
+    low = FLAT.replace("[8.0, 4.0, 2.5]", "[8.0, 4.0, 2.0]")
+    assert parsed(low).doors[0].height_m == 2.0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "mark", "complaint"),
+    [
+        ("leaves = 2", "leaves = 3", "leaves", "leaves is 3, wanted a whole number from 1 to 2"),
+        ("to_m = [6.1, 0.0]", "to_m = [3.5, 0.0]", "to_m = [3.5", "wanted 0.4 to 2; move an end"),
+        ("to_m = [6.1, 0.0]", "to_m = [7.5, 0.0]", "to_m = [7.5", "its leaf is 0.20 m wide"),
+        ("height_m = 2.0", "height_m = 2.6", "height_m", "wanted a number from 0.4 to 2.5"),
+        ("open_deg = -80.0", "open_deg = 200.0", "open_deg = 200", "number from -180 to 180"),
+        ('"glass"', '"glas"', "material", "did you mean 'glass'?"),
+        ("open_deg = -80.0", "opens_deg = -80.0", "opens_deg", "did you mean 'open_deg'?"),
+        ('name = "exit"', 'name = "inner"', 'name = "inner"\nfrom_m = [7.9', "is taken; give each"),
+        ('name = "exit"', 'name = "shelf"', 'name = "shelf"\nfrom_m = [7.9', "is taken; give each"),
+        ("to_m = [3.0, 2.5]\nopen", "to_m = [3.0, 2.2]\nopen", "from_m = [3.0, 1.5]",
+         "'inner' ends at [3.0, 2.2], 0.15 m or more from any wall or piece; move that end"),
+        ("from_m = [3.0, 1.5]\nto_m = [3.0, 2.5]", "from_m = [3.0, 0.3]\nto_m = [3.0, 1.3]",
+         "from_m = [3.0, 0.3]", '"south", which has no opening there'),
+        ("open_deg = -90.0", "open_deg = 90.0", "from_m = [7.9", "opens into a wall; turn it"),
+        ("from_m = [7.9, 0.0]\nto_m = [6.1, 0.0]", "from_m = [6.8, 0.0]\nto_m = [5.2, 0.0]",
+         "from_m = [6.8", 'opens into "shelf"; turn it the other way'),
+        ("open_deg = -80.0", "open_deg = 80.0", "route_m", 'meets "inner leaf 1"; keep 0.25 m off'),
+    ],
+)  # fmt: skip
+def test_doors_that_cannot_be_are_refused(old: str, new: str, mark: str, complaint: str) -> None:
+    wrong = FLAT.replace(old, new, 1)
+    assert wrong != FLAT
+    with pytest.raises(InputError) as refusal:
+        parsed(wrong)
+    line = wrong[: wrong.rindex(mark)].count("\n") + 1
+    assert str(refusal.value).startswith(f"flat.toml line {line}")
+    assert complaint in str(refusal.value)
+    assert "\n" not in str(refusal.value)

@@ -16,11 +16,19 @@ from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.stages.echo import EchoParameters, cut_echoes
 from elfslam.stages.feature import load_encoder
 from elfslam.world import echo_pairs as module
-from elfslam.world.device import named_device, random_device
+from elfslam.world.device import named_device
 from elfslam.world.echo_pairs import (
     CHANGED_ROOM_SHARE,
+    CORNER_SHARE,
     DISTRICT_M,
+    GONE_SHARE,
+    HIGH_FROM_M2,
+    LEANING_SHARE,
+    MOST_FURNITURE,
+    MOST_PARTITIONS,
     MOST_PEOPLE,
+    MOVED_SHARE,
+    NEW_SURFACE_SHARE,
     OTHER_PHONE_SHARE,
     PEOPLE_SHARE,
     PHONE_HEIGHT_M,
@@ -28,9 +36,7 @@ from elfslam.world.echo_pairs import (
     STRANGER_SHARE,
     WALL_MARGIN_M,
     Visit,
-    _among_people,
     _another_visit,
-    _free_places,
     _heard,
     _places,
     _random_holder,
@@ -39,12 +45,14 @@ from elfslam.world.echo_pairs import (
     _sounding,
     _within,
     at_one_time,
+    changed_room,
     cut_frames,
     echo_pairs,
+    random_room,
 )
+from elfslam.world.materials import Material
 from elfslam.world.phone import poses_at, render_frames, room_responses
-from elfslam.world.random_world import changed_room, random_room
-from elfslam.world.room import Block, Room, box
+from elfslam.world.room import Block, Room, box, check_outline
 from elfslam.world.scene import scene_of
 
 
@@ -111,13 +119,6 @@ def test_rooms_share_the_pairs_and_come_one_after_the_other(rooms: int) -> None:
     assert made.room.tolist() == np.repeat(np.arange(rooms), 12 // rooms).tolist()
     assert made.first.dtype == np.float32
     assert made.first.flags.c_contiguous
-
-
-def test_the_first_rooms_do_not_know_of_later_ones() -> None:
-    """A room is drawn, heard and done with before the next one is."""
-    fewer, more = echo_pairs(generator_of(3), 8, 2), echo_pairs(generator_of(3), 16, 4)
-    assert (more.first[:8] == fewer.first).all()
-    assert (more.xy_m[:8] == fewer.xy_m).all()
 
 
 def test_pairs_that_do_not_share_out_are_refused() -> None:
@@ -219,15 +220,6 @@ def test_an_encoder_tells_near_from_far(pairs: EchoPairs, name: str) -> None:
     assert np.diag(cosine).mean() > cosine[far].mean() + 0.1
 
 
-def test_random_phones_differ_by_the_ripple_of_real_ones() -> None:
-    ripple_db = [
-        np.ptp(20 * np.log10(random_device(generator_of(seed)).response)) for seed in range(40)
-    ]
-    assert min(ripple_db) > 2.0 - 1e-6
-    assert max(ripple_db) < 25.0 + 1e-6
-    assert np.std(ripple_db) > 3.0
-
-
 def test_traces_are_cut_where_the_line_cuts_them() -> None:
     """Up to the jitter of two samples that stands for the search for the direct sound."""
     generator, device = generator_of(1), named_device("named")
@@ -258,14 +250,6 @@ def test_places_lie_in_one_district() -> None:
     assert np.ptp(corners, axis=0).min() > 5.0
 
 
-def test_a_full_district_is_left() -> None:
-    """A closed store fills all of the district but not the room."""
-    store = box("store", np.array([0.0, 0.0, 0.0]), np.array([8.0, 3.0, 2.5]))
-    room = square_room(store)
-    found = _free_places(generator_of(0), room, 9, np.zeros(2), np.array([8.0, 2.9]))
-    assert room.is_free(found, PHONE_HEIGHT_M).all()
-
-
 VISITS = 400
 
 
@@ -291,15 +275,6 @@ def test_what_changes_between_two_visits(visits: list[tuple[Visit, Visit]]) -> N
     assert (people > 0).mean() == pytest.approx(PEOPLE_SHARE, abs=0.06)
     assert people.max() == MOST_PEOPLE
     assert abs(np.corrcoef(people.T)[0, 1]) < 0.15, "people come and go"
-
-
-def test_people_stand_about_the_phone(visits: list[tuple[Visit, Visit]]) -> None:
-    crowded = next(visit for visit, _ in visits if visit.people == MOST_PEOPLE)
-    poses = poses_at(np.array([[2.0, 3.0, 1.2], [5.0, 1.0, 1.2]]), np.zeros(2), np.zeros(2))
-    people_m = _among_people(generator_of(0), poses, crowded).people_m
-    assert people_m.shape == (2, MOST_PEOPLE, 2)
-    away_m = np.linalg.norm(people_m - poses.position_m[:, None, :2], axis=2)
-    assert 0.8 <= away_m.min() <= away_m.max() <= 5.0
 
 
 def test_a_visit_is_heard_by_its_phone_in_its_room() -> None:
@@ -328,3 +303,132 @@ def test_the_engine_changes_the_sound_and_neither_rooms_nor_places() -> None:
     assert (plain.xy_m == diffuse.xy_m).all()
     assert (plain.room == diffuse.room).all()
     assert not np.allclose(plain.first, diffuse.first)
+
+
+ROOMS = 300
+
+
+def room_of(seed: int) -> Room:
+    return random_room(np.random.default_rng(seed))
+
+
+@pytest.fixture(scope="module")
+def rooms() -> list[Room]:
+    return [room_of(seed) for seed in range(ROOMS)]
+
+
+def area_m2(outline_m: np.ndarray) -> float:
+    x, y = outline_m.T
+    return 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+
+
+def is_square(room: Room) -> bool:
+    along = np.diff(room.outline_m, axis=0, append=room.outline_m[:1])
+    return bool((np.abs(along).min(axis=1) < 1e-9).all())
+
+
+def surfaces_of(room: Room) -> list[Material]:
+    return [*room.walls, room.floor, room.ceiling, *(block.surface for block in room.blocks)]
+
+
+def test_outlines_are_simple_and_counter_clockwise(rooms: list[Room]) -> None:
+    for room in rooms:
+        assert (check_outline(room.outline_m) == room.outline_m).all()
+        assert len(room.walls) == len(room.outline_m) in (4, 6)
+
+
+def test_rooms_have_the_sizes_of_rooms(rooms: list[Room]) -> None:
+    """Boxes up to 1600 m2; a corner cut out takes a third of it at most."""
+    for room in rooms:
+        length, width, height = room.size_m
+        assert (room.corner_m >= 0).all()
+        assert 0.65 * 4.0 <= area_m2(room.outline_m) <= length * width + 1e-9 <= 1600.0 + 1e-6
+        assert 0.9 <= length / width <= 12.5
+        assert 2.3 <= height <= (3.6 if length * width < 0.7 * HIGH_FROM_M2 else 6.0)
+    areas = np.array([area_m2(room.outline_m) for room in rooms])
+    assert np.median(areas) == pytest.approx(100.0, rel=0.4), "even on a logarithmic scale"
+
+
+def test_some_lack_a_corner_and_some_lean(rooms: list[Room]) -> None:
+    lacking = np.mean([len(room.outline_m) == 6 for room in rooms])
+    leaning = np.mean([not is_square(room) for room in rooms])
+    assert lacking == pytest.approx(CORNER_SHARE, abs=0.08)
+    assert leaning == pytest.approx(LEANING_SHARE, abs=0.08)
+    assert all(scene_of(room).convex == (len(room.outline_m) == 4) for room in rooms[:30])
+
+
+def test_blocks_stand_in_the_room(rooms: list[Room]) -> None:
+    for room in rooms:
+        for block in room.blocks:
+            assert room.holds(block.corners_m).all()
+            assert 0 <= block.base_m < block.top_m <= room.height_m + 1e-9
+
+
+def is_partition(block: Block) -> bool:
+    return block.clutter_per_m2 == 0
+
+
+def test_furniture_and_partitions_are_as_many_as_fit(rooms: list[Room]) -> None:
+    partitions = [sum(map(is_partition, room.blocks)) for room in rooms]
+    furniture = [len(room.blocks) - count for room, count in zip(rooms, partitions, strict=True)]
+    assert 0.8 * MOST_FURNITURE < max(furniture) <= MOST_FURNITURE
+    assert np.median(furniture) > 5
+    assert (min(partitions), max(partitions)) == (0, MOST_PARTITIONS)
+    size = [area_m2(room.outline_m) for room in rooms]
+    assert np.corrcoef(np.minimum(size, 200.0), furniture)[0, 1] > 0.5
+    names = [[block.name for block in room.blocks] for room in rooms]
+    assert all(len(set(each)) == len(each) for each in names), "clutter is drawn by name"
+
+
+def test_surfaces_reflect_and_differ(rooms: list[Room]) -> None:
+    for room in rooms:
+        reflections = np.array([surface.reflection for surface in surfaces_of(room)])
+        assert 0.18 <= reflections.min() <= reflections.max() <= 0.98 + 1e-9
+        assert len(np.unique(reflections)) > 2
+    level = [np.mean([wall.reflection for wall in room.walls]) for room in rooms]
+    assert np.std(level) > 0.08, "rooms are more or less lively"
+
+
+@pytest.fixture(scope="module")
+def changed(rooms: list[Room]) -> list[Room]:
+    return [changed_room(np.random.default_rng(k), room) for k, room in enumerate(rooms)]
+
+
+def test_a_changed_room_keeps_its_shape_and_partitions(
+    rooms: list[Room], changed: list[Room]
+) -> None:
+    for before, after in zip(rooms, changed, strict=True):
+        assert (after.outline_m == before.outline_m).all()
+        assert (after.height_m, after.seed) == (before.height_m, before.seed)
+        assert len(after.walls) == len(before.walls)
+        kept = [block for block in before.blocks if is_partition(block)]
+        assert [block for block in after.blocks if is_partition(block)] == kept
+
+
+def test_some_of_the_walls_are_new(rooms: list[Room], changed: list[Room]) -> None:
+    new = [
+        now is not then
+        for before, after in zip(rooms, changed, strict=True)
+        for then, now in zip(
+            (*before.walls, before.floor, before.ceiling),
+            (*after.walls, after.floor, after.ceiling),
+            strict=True,
+        )
+    ]
+    assert np.mean(new) == pytest.approx(NEW_SURFACE_SHARE, abs=0.04)
+
+
+def test_some_of_the_furniture_is_gone_or_moved(rooms: list[Room], changed: list[Room]) -> None:
+    gone, moved = [], []
+    for before, after in zip(rooms, changed, strict=True):
+        now = {block.name: block for block in after.blocks}
+        for block in before.blocks:
+            if is_partition(block):
+                continue
+            gone.append(block.name not in now)
+            moved.append(not gone[-1] and now[block.name] is not block)
+            if moved[-1]:
+                assert after.holds(now[block.name].corners_m).all()
+                assert now[block.name].turn_rad != block.turn_rad
+    assert np.mean(gone) == pytest.approx(GONE_SHARE, abs=0.04)
+    assert 0.5 * MOVED_SHARE < np.mean(moved) < MOVED_SHARE, "some would leave the room and stay"

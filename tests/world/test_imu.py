@@ -129,20 +129,6 @@ def test_every_phone_has_its_own_bias() -> None:
     assert gyro.std() == pytest.approx(BMI160.gyro_bias_radps, rel=0.2)
 
 
-def test_the_same_seed_reads_the_same() -> None:
-    motion = walking()
-    first, again = (read_imu(motion, BMI160, generator_of(5)) for _ in range(2))
-    assert first.accel_mps2.tobytes() == again.accel_mps2.tobytes()
-    assert first.gyro_radps.tobytes() == again.gyro_radps.tobytes()
-
-
-def test_browsers_round() -> None:
-    imu = read_imu(walking(), BMI160, generator_of(), decimals=1)
-    for values in (imu.accel_mps2, np.rad2deg(imu.gyro_radps)):
-        np.testing.assert_allclose(values * 10, np.round(values * 10), atol=1e-9)
-        assert len(np.unique(np.round(values * 10))) > 10
-
-
 @pytest.mark.parametrize("rate_hz", [50.0, 60.0, 100.0, 104.0, 200.0])
 def test_the_clock_runs_at_the_rate_of_the_grade(rate_hz: float) -> None:
     motion = walking()

@@ -10,15 +10,8 @@ import pytest
 from scipy import signal
 
 from elfslam.base.arrays import F32
-from elfslam.world.device import Device, built_in_device
-from elfslam.world.interference import (
-    RUMBLE_LEVEL,
-    clicks,
-    music_like,
-    record,
-    rumble,
-    speech_like,
-)
+from elfslam.world.device import built_in_device
+from elfslam.world.interference import RUMBLE_LEVEL, clicks, music_like, record, rumble, speech_like
 
 RATE_HZ = 44_100
 SILENT = replace(built_in_device("flat"), noise_rms=0.0)
@@ -37,20 +30,6 @@ def share_db(sound: F32, low_hz: float, high_hz: float, rate_hz: int = RATE_HZ) 
     return float(10 * np.log10(power[inside].sum() / power.sum()))
 
 
-def tone(frequency_hz: float, count: int) -> F32:
-    return np.sin(2 * np.pi * frequency_hz * np.arange(count) / RATE_HZ).astype(np.float32)
-
-
-@pytest.mark.parametrize("make", [speech_like, music_like, clicks, rumble])
-@pytest.mark.parametrize("count", [1, 12_345])
-def test_the_same_generator_makes_the_same_sound(make: Sound, count: int) -> None:
-    first = make(count, RATE_HZ, generator_of(1), 0.1)
-    assert first.shape == (count,)
-    assert first.dtype == np.float32
-    assert np.isfinite(first).all()
-    assert (first == make(count, RATE_HZ, generator_of(1), 0.1)).all()
-
-
 @pytest.mark.parametrize("make", [speech_like, music_like])
 @pytest.mark.parametrize("level", [0.003, 0.2])
 def test_speech_and_music_have_the_rms_asked_for(make: Sound, level: float) -> None:
@@ -65,14 +44,6 @@ def test_a_little_of_speech_reaches_the_band(seed: int, rate_hz: int) -> None:
     assert -50 < share_db(sound, 15_000, 20_000, rate_hz) < -40
     assert share_db(sound, 80, 8_000, rate_hz) > -0.3
     assert share_db(sound, 80, 4_000, rate_hz) > -0.5
-
-
-def test_speech_in_the_band_comes_and_goes() -> None:
-    """Only fricatives reach it: half of all moments have a hundredth of the loudest ones' power."""
-    sound = speech_like(20 * RATE_HZ, RATE_HZ, generator_of(4), 0.05)
-    band = signal.butter(4, (15_000, 20_000), "bandpass", fs=RATE_HZ, output="sos")
-    power = (signal.sosfilt(band, sound) ** 2).reshape(-1, RATE_HZ // 50).mean(axis=1)
-    assert np.median(power) < 0.01 * np.quantile(power, 0.98)
 
 
 def test_speech_has_pauses_and_a_pitch() -> None:
@@ -91,11 +62,6 @@ def test_cymbals_of_music_reach_the_band(seed: int) -> None:
     assert share_db(sound, 200, 6_000) > -0.3
 
 
-def test_the_lowest_note_of_music_is_220_hz() -> None:
-    sound = music_like(15 * RATE_HZ, RATE_HZ, generator_of(1), 0.05)
-    assert share_db(sound, 0, 200) < -20
-
-
 def test_clicks_come_as_often_as_asked_for() -> None:
     """At 1.5 per second over 200 s: 300 give or take four times the root of that."""
     sound = clicks(200 * RATE_HZ, RATE_HZ, generator_of(7), 0.1, per_s=1.5)
@@ -103,15 +69,6 @@ def test_clicks_come_as_often_as_asked_for() -> None:
     # Clicks closer than 30 ms run together: 1.5 * 0.03 of them.
     heard = 1 + np.count_nonzero(np.diff(onset) > 0.02 * RATE_HZ)
     assert abs(heard - 300 * (1 - 1.5 * 0.03)) < 4 * np.sqrt(300)
-
-
-def test_the_time_between_clicks_varies_as_much_as_it_lasts() -> None:
-    """A mark of a Poisson process."""
-    sound = clicks(400 * RATE_HZ, RATE_HZ, generator_of(8), 0.1, per_s=1.0)
-    onset = np.flatnonzero(np.abs(sound) > 5e-4)
-    first = onset[np.flatnonzero(np.diff(onset, prepend=-RATE_HZ) > 0.02 * RATE_HZ)]
-    between = np.diff(first)
-    assert between.std() / between.mean() == pytest.approx(1.0, abs=0.2)
 
 
 def test_clicks_are_in_the_band_and_as_loud_as_asked_for() -> None:
@@ -133,28 +90,12 @@ def test_rumble_is_low_and_the_one_of_old() -> None:
     assert share_db(sound, 15_000, 20_000) < -35
 
 
-def test_a_good_recorder_changes_nothing() -> None:
-    sound = (0.3 * tone(17_500.0, 4_000)).astype(np.float32)
-    assert (record(sound, SILENT, generator_of(0)) == sound).all()
-
-
 def test_the_noise_floor_is_the_phones() -> None:
     phone = built_in_device("cheap")
     floor = record(np.zeros(200_000, dtype=np.float32), phone, generator_of(0))
     assert floor.dtype == np.float32
     assert floor.std() == pytest.approx(phone.noise_rms, rel=0.01)
     assert share_db(floor, 15_000, 20_000) == pytest.approx(10 * np.log10(5_000 / 22_050), abs=0.1)
-
-
-def test_what_is_too_loud_is_clipped() -> None:
-    phone = replace(built_in_device("flat"), clip_level=0.5)
-    sound = tone(100.0, RATE_HZ)
-    recorded = record(sound, phone, generator_of(0))
-    assert np.abs(recorded).max() == 0.5
-    # A sine is above half its peak for two thirds of the time.
-    assert np.mean(np.abs(recorded) == 0.5) == pytest.approx(2 / 3, abs=0.01)
-    quiet = np.abs(sound) < 0.49
-    assert np.abs(recorded - sound)[quiet].max() < 6 * phone.noise_rms
 
 
 @pytest.mark.parametrize("skew_ppm", [20.0, -20.0, 300.0])
@@ -169,16 +110,6 @@ def test_the_clock_moves_a_late_chirp_by_what_it_gained(skew_ppm: float) -> None
     assert centre - at == pytest.approx(at * skew_ppm * 1e-6, abs=0.01)
 
 
-@pytest.mark.parametrize("frequency_hz", [1_000.0, 15_000.0, 17_500.0, 20_000.0])
-def test_another_clock_hears_a_tone_at_another_pitch(frequency_hz: float) -> None:
-    phone = replace(SILENT, clock_skew_ppm=-30.0)
-    count = 300_000
-    recorded = record(0.5 * tone(frequency_hz, count), phone, generator_of(0))
-    heard_hz = frequency_hz / (1 - 30e-6)
-    expected = 0.5 * np.sin(2 * np.pi * heard_hz * np.arange(count) / RATE_HZ)
-    assert np.abs(recorded - expected)[100:-100].max() < 6e-4
-
-
 def test_a_slow_clock_ends_in_silence_and_a_fast_one_before_the_end() -> None:
     count = 100_000
     sound = np.ones(count, dtype=np.float32)
@@ -188,13 +119,3 @@ def test_a_slow_clock_ends_in_silence_and_a_fast_one_before_the_end() -> None:
     assert not slow[-60:].any()
     assert np.abs(slow[50:-150] - 1).max() < 1e-3
     assert np.abs(fast[50:] - 1).max() < 1e-3
-
-
-def test_noise_and_clipping_come_after_the_clock() -> None:
-    """Another clock leaves the noise as it is: its draws belong to the recorder's samples."""
-    silence = np.zeros(10_000, dtype=np.float32)
-    phone: Device = built_in_device("simulated phone")
-    skewed = replace(phone, clock_skew_ppm=25.0)
-    assert (
-        record(silence, phone, generator_of(1)) == record(silence, skewed, generator_of(1))
-    ).all()

@@ -67,11 +67,6 @@ def test_patches_of_a_face_are_its_own_whatever_else_moves() -> None:
     )
 
 
-def test_another_seed_has_other_points() -> None:
-    points = [faces_and_patches(empty(seed))[1].point for seed in (3, 4)]
-    assert not np.allclose(*points)
-
-
 @pytest.mark.parametrize(
     ("way", "face", "far_m"),
     [
@@ -93,13 +88,6 @@ def test_a_block_is_met_first_and_by_the_side_it_shows() -> None:
     assert met(furnished(), above, np.array([1.5, 0.0, -0.11]) / np.hypot(1.5, 0.11))[0] == 11
 
 
-def test_a_turned_block_is_met_where_it_stands() -> None:
-    turned = replace(CUPBOARD, turn_rad=np.pi / 2)
-    face, far = met(furnished(turned), np.array([0.5, 2.0, 1.2]), np.array([1.0, 0, 0]))
-    assert far == pytest.approx(2.5 - 1.0 - 0.5)
-    assert face in (6, 7, 8, 9)
-
-
 def test_random_rays_in_a_room_meet_its_surface() -> None:
     """Oracle: the nearest of the six planes, by plain arithmetic."""
     generator = np.random.default_rng(5)
@@ -119,8 +107,3 @@ def test_uneven_shares_keep_their_mean(share: float) -> None:
     assert shares.std() > 0.5 * share * (1 - share)
     assert (shares >= 0).all()
     assert (shares <= 1).all()
-
-
-def test_bounds_of_uneven_shares() -> None:
-    """What scatters all does so everywhere, and what scatters nothing nowhere."""
-    assert uneven(np.array([1.0, 0.0]), np.array([0.3, 0.3])).tolist() == [1.0, 0.0]

@@ -6,20 +6,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from planted_blocks import (
-    LAMP,
-    NOBODY,
-    TABLE,
-    random_blocks,
-    scene_with,
-    scene_with_a_notch,
-)
+from planted_blocks import LAMP, NOBODY, PLAIN, TABLE, random_blocks, scene_with, scene_with_a_notch
 
 from elfslam.base.arrays import F64
 from elfslam.world.plan import (
     PERSON_HEIGHT_M,
     PERSON_RADIUS_M,
+    SECTORS,
+    Sight,
+    hides,
+    look,
     make_crossings,
+    make_sight,
     meets_wall,
     note_crossings,
 )
@@ -104,3 +102,118 @@ def test_a_wall_is_not_met_by_lines_that_start_on_it() -> None:
     assert meets_wall(scene, *line, -1, -1)
     assert not meets_wall(scene, *line, 3, -1)
     assert not meets_wall(scene, line[2], line[3], line[0], line[1], -1, 3)
+
+
+def sight_from(scene: Scene, place_m: F64, far_m: float = 20.0) -> Sight:
+    sight = make_sight(len(scene.block_low))
+    look(scene, sight, *map(float, place_m), far_m)
+    return sight
+
+
+def is_hidden(scene: Scene, a: F64, b: F64, people: F64 = NOBODY) -> bool:
+    return bool(hides(scene, people, sight_from(scene, a), *map(float, b)))
+
+
+@pytest.mark.parametrize(
+    ("from_m", "to_m", "hidden"),
+    [
+        ([1, 2, 0.5], [3.5, 2, 0.5], True),
+        ([1, 2, 0.8], [3.5, 2, 0.8], False),
+        ([1, 2, 0.1], [3.5, 2, 1.5], True),
+        ([1, 2, 2.0], [6.0, 2, 2.0], True),
+        ([1, 2, 1.5], [6.0, 2, 1.5], False),
+        ([1, 2, 2.3], [6.0, 2, 2.3], False),
+        ([1, 4, 0.5], [6.0, 4, 0.5], False),
+    ],
+)
+def test_sight_passes_over_a_table_and_below_a_lamp(
+    from_m: list[float], to_m: list[float], hidden: bool
+) -> None:
+    scene, a, b = scene_with(TABLE, LAMP), np.array(from_m), np.array(to_m)
+    assert is_hidden(scene, a, b) == is_hidden(scene, b, a) == hidden
+
+
+@pytest.mark.parametrize(("height_m", "hidden"), [(1.6, True), (1.8, False)])
+def test_sight_passes_over_a_person(height_m: float, hidden: bool) -> None:
+    people, a, b = np.array([[4.0, 4.0]]), np.array([1, 4, height_m]), np.array([7, 4, height_m])
+    assert is_hidden(scene_with(), a, b, people) == hidden
+
+
+def by_crossings(scene: Scene, a: F64, b: F64) -> bool:
+    """The same by all that the line crosses in plan, and at what height."""
+    crossings = make_crossings(len(scene.block_low))
+    count = note_crossings(scene, NOBODY, crossings, 0, 0.0, a[0], a[1], b[0], b[1])
+    slope = (b[2] - a[2]) / np.linalg.norm((b - a)[:2])
+    ends = a[2] + slope * np.stack([crossings.enter[:count], crossings.leave[:count]])
+    low, high = crossings.low[:count], crossings.high[:count]
+    return bool(((ends.min(axis=0) < high) & (ends.max(axis=0) > low)).any())
+
+
+@settings(max_examples=60)
+@given(seed=st.integers(0, 10_000), count=st.sampled_from([1, 5, FEW_BLOCKS + 9]))
+def test_sight_agrees_with_what_the_line_crosses(seed: int, count: int) -> None:
+    generator = np.random.default_rng(seed)
+    scene = scene_with(*random_blocks(generator, count))
+    for a, b in generator.uniform([0, 0, 0], [8, 6, 2.5], (10, 2, 3)):
+        assert is_hidden(scene, a, b) == by_crossings(scene, a, b)
+
+
+CLEAR_M = 1e-3
+"""Lines that pass a box this closely may go either way."""
+
+
+def random_block(generator: np.random.Generator, k: int) -> Block:
+    size = generator.uniform([0.05, 0.05, 0.1], [3.0, 3.0, 2.4])
+    centre, base_m = generator.uniform(0.0, [8.0, 6.0]), float(generator.choice([0.0, 1.0]))
+    return Block(f"{k}", PLAIN, centre, size, generator.uniform(-np.pi, np.pi), base_m, 0.0)
+
+
+def length_inside_m(block: Block, a: F64, b: F64, grown_m: float) -> float:
+    """How much of a segment lies in a box grown to all sides, cut slab by slab in space."""
+    cos, sin = np.cos(block.turn_rad), np.sin(block.turn_rad)
+    middle = np.append(block.centre_m, block.base_m + block.size_m[2] / 2)
+    own = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    start, along, half = (a - middle) @ own, (b - a) @ own, block.size_m / 2 + grown_m
+    cuts = np.sort([(-half - start) / along, (half - start) / along], axis=0)
+    enter, leave = max(cuts[0].max(), 0.0), min(cuts[1].min(), 1.0)
+    return max(leave - enter, 0.0) * float(np.linalg.norm(along))
+
+
+@settings(max_examples=100)
+@given(seed=st.integers(0, 2**32 - 1), count=st.integers(0, 30))
+def test_a_point_is_hidden_where_a_box_is_cut_in_space(seed: int, count: int) -> None:
+    generator = np.random.default_rng(seed)
+    blocks = [random_block(generator, k) for k in range(count)]
+    scene, place = scene_with(*blocks), generator.uniform(0.0, [8.0, 6.0, 2.5])
+    sight = sight_from(scene, place)
+    for point in generator.uniform(0.0, [8.0, 6.0, 2.5], (20, 3)):
+        through = any(length_inside_m(block, place, point, -CLEAR_M) > CLEAR_M for block in blocks)
+        touched = any(length_inside_m(block, place, point, CLEAR_M) > 0 for block in blocks)
+        hidden = bool(hides(scene, NOBODY, sight, *point))
+        assert hidden or not through
+        assert touched or not hidden
+
+
+@given(angle=st.floats(0, 2 * np.pi), turn=st.floats(-np.pi, np.pi))
+def test_sectors_wrap_round(angle: float, turn: float) -> None:
+    """A box in any direction hides what is behind it and neither what is beside nor opposite."""
+    middle, ahead = np.array([4.0, 3.0]), np.array([np.cos(angle), np.sin(angle)])
+    pillar = Block("pillar", PLAIN, middle + 1.5 * ahead, np.array([0.6, 0.6, 2.5]), turn, 0.0, 0.0)
+    scene = scene_with(pillar)
+    sight = sight_from(scene, np.append(middle, 1.2))
+    left = np.array([-ahead[1], ahead[0]])
+    views = [(2.5 * ahead, True), (1.0 * ahead, False), (-2.5 * ahead, False), (2.5 * left, False)]
+    for way, hidden in views:
+        assert bool(hides(scene, NOBODY, sight, *(middle + way), 1.2)) == hidden
+    assert 0 < np.count_nonzero(sight.filled) < SECTORS / 4
+
+
+def test_what_is_farther_than_asked_for_is_left_out_and_nothing_else() -> None:
+    generator = np.random.default_rng(2)
+    scene = scene_with(*[random_block(generator, k) for k in range(30)])
+    place = np.array([2.0, 2.0, 1.2])
+    near, far = sight_from(scene, place, 2.0), sight_from(scene, place)
+    assert near.filled.sum() < far.filled.sum()
+    for point in place + generator.uniform(-1.4, 1.4, (300, 3)) * [1.0, 1.0, 0.8]:
+        verdicts = [bool(hides(scene, NOBODY, sight, *point)) for sight in (near, far)]
+        assert verdicts[0] == verdicts[1]

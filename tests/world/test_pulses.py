@@ -23,11 +23,16 @@ from one_phone import (
 from elfslam.base.arrays import F64
 from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.world.device import built_in_device
-from elfslam.world.lobes import Lobes
 from elfslam.world.phone import Transducers, image_echoes, render_frames
-from elfslam.world.pulses import BODY_SHADOW, CARRIER_HZ
+from elfslam.world.pulses import (
+    BODY_SHADOW,
+    CARRIER_HZ,
+    absorption_db_per_m,
+    speed_of_sound_mps,
+)
 from elfslam.world.room import shoebox
 from elfslam.world.scene import Scene, scene_of
+from elfslam.world.transducers import Lobes
 
 
 def scatterer(point_m: F64, radius_m: float, normal: F64 = -X) -> Scene:
@@ -130,13 +135,6 @@ def test_lobes_cut_the_sound_up() -> None:
     assert (np.diff(np.sign(np.diff(ratio))) > 0).sum() >= 3
 
 
-def test_lobes_without_a_share_change_no_byte() -> None:
-    room, ends = shoebox(SIZE_M, (HARD,) * 6), ends_at(directivity=0.3, held=True, ahead=(1.0, 0.0))
-    none = lobed_ends(ends, Lobes(0.0, 0.07))
-    some = lobed_ends(ends)
-    assert heard(room, none).tobytes() == heard(room, ends).tobytes() != heard(room, some).tobytes()
-
-
 def test_lobed_ends_may_change_places() -> None:
     """Reciprocity: speaker and microphone with all that is theirs."""
     room, forth = shoebox(SIZE_M, (HARD,) * 6), lobed_ends(ends_at())
@@ -167,3 +165,55 @@ def test_air_takes_its_share_per_metre() -> None:
         for air in (AIR._replace(attenuation_per_m=0.0), AIR._replace(attenuation_per_m=0.1))
     )
     assert thick / thin == pytest.approx(np.exp(-0.1 * 6.0), rel=1e-5)
+
+
+OCTAVES_HZ = [1000.0 * 10 ** (0.3 * k) for k in range(-4, 4)]
+"""Exact midband frequencies of the octaves named 63 Hz to 8 kHz."""
+
+# ISO 9613-2:1996, table 2: (degrees Celsius, percent) and dB/km per octave.
+TABLE = {
+    (10, 70): [0.1, 0.4, 1.0, 1.9, 3.7, 9.7, 32.8, 117],
+    (20, 70): [0.1, 0.3, 1.1, 2.8, 5.0, 9.0, 22.9, 76.6],
+    (30, 70): [0.1, 0.3, 1.0, 3.1, 7.4, 12.7, 23.1, 59.3],
+    (15, 20): [0.3, 0.6, 1.2, 2.7, 8.2, 28.2, 88.8, 202],
+    (15, 50): [0.1, 0.5, 1.2, 2.2, 4.2, 10.8, 36.2, 129],
+    (15, 80): [0.1, 0.3, 1.1, 2.4, 4.1, 8.3, 23.7, 82.8],
+}
+
+
+@pytest.mark.parametrize(("weather", "expected"), TABLE.items(), ids=str)
+def test_the_table_of_the_standard_comes_out(
+    weather: tuple[int, int], expected: list[float]
+) -> None:
+    temperature_c, humidity_percent = weather
+    for frequency_hz, db_per_km in zip(OCTAVES_HZ, expected, strict=True):
+        rounding = 0.5 if db_per_km > 100 else 0.06
+        computed = 1000 * absorption_db_per_m(frequency_hz, temperature_c, humidity_percent)
+        assert computed == pytest.approx(db_per_km, abs=rounding)
+
+
+# ISO 9613-1:1993, table 1: (degrees Celsius, percent, one-third octaves above 1 kHz) and dB/km.
+HIGH_TABLE = {
+    (20, 80, 10): 105,
+    (20, 15, 8): 175,
+    (0, 10, 9): 26.4,
+    (10, 10, 9): 69.4,
+    (50, 10, 9): 155,
+    (50, 70, 9): 80.3,
+}
+
+
+@pytest.mark.parametrize(("weather", "expected"), HIGH_TABLE.items(), ids=str)
+def test_the_highest_bands_of_the_standard_come_out(
+    weather: tuple[int, int, int], expected: float
+) -> None:
+    temperature_c, humidity_percent, third = weather
+    computed = 1000 * absorption_db_per_m(10 ** (3 + third / 10), temperature_c, humidity_percent)
+    assert computed == pytest.approx(expected, rel=5e-3)
+
+
+@pytest.mark.parametrize(("temperature_c", "expected_mps"), [(0, 331.3), (20, 343.2), (40, 354.7)])
+def test_the_speed_of_sound_is_the_one_of_the_tables(
+    temperature_c: float, expected_mps: float
+) -> None:
+    assert speed_of_sound_mps(temperature_c) == pytest.approx(expected_mps, abs=0.06)

@@ -12,13 +12,7 @@ from hypothesis import strategies as st
 from elfslam.base.arrays import F64
 from elfslam.world.materials import Material, material
 from elfslam.world.room import Block, Room, box
-from elfslam.world.scene import (
-    CLUTTER_RADIUS_M,
-    FEW_BLOCKS,
-    OUTSIDE_M,
-    TEXTURE_PER_M2,
-    scene_of,
-)
+from elfslam.world.scene import CLUTTER_RADIUS_M, FEW_BLOCKS, OUTSIDE_M, TEXTURE_PER_M2, scene_of
 
 ELL_M = np.array([[0, 0], [6, 0], [6, 3], [3, 3], [3, 5], [0, 5]], dtype=float)
 PLAIN = Material("plain", 0.3, 0.0, "planted")
@@ -86,15 +80,6 @@ def test_every_point_of_a_block_lies_in_a_cell_that_lists_it(
         assert others in listed
 
 
-@pytest.mark.parametrize("count", [1, FEW_BLOCKS, FEW_BLOCKS + 1])
-def test_the_grid_covers_the_room(count: int) -> None:
-    scene = scene_of(ell(*(SHELF,) * count))
-    assert (scene.grid_origin <= ELL_M.min(axis=0)).all()
-    assert (scene.grid_origin + scene.grid_shape * scene.cell >= ELL_M.max(axis=0)).all()
-    assert len(scene.cell_start) == scene.grid_shape.prod() + 1
-    assert scene.cell_start[-1] == len(scene.cell_block) > 0
-
-
 def local_of(points: F64, block: Block) -> F64:
     cos, sin = np.cos(block.turn_rad), np.sin(block.turn_rad)
     planar = (points[:, :2] - block.centre_m) @ np.array([[cos, -sin], [sin, cos]])
@@ -130,12 +115,6 @@ def test_clutter_moves_with_its_block_and_leaves_the_others_alone() -> None:
     assert (before.point_radius == after.point_radius).all()
 
 
-def test_a_seed_gives_one_room() -> None:
-    first, again, other = (scene_of(ell(TABLE, seed=seed)) for seed in (0, 0, 1))
-    assert first.point.tobytes() == again.point.tobytes()
-    assert not np.isin(other.point[:, :2], first.point[:, :2]).any()
-
-
 def test_rough_surfaces_return_their_diffuse_share() -> None:
     """A point of radius a sends pi a^2 / 2 of the incident intensity into the half-space."""
     scene = scene_of(ell(surface=ROUGH))
@@ -145,12 +124,6 @@ def test_rough_surfaces_return_their_diffuse_share() -> None:
     assert len(scene.point) == pytest.approx(area_m2 * TEXTURE_PER_M2, rel=0.15)
     assert returned == pytest.approx(area_m2 * ROUGH.diffuse, rel=0.15)
     assert ell().holds(scene.point[:, :2] + 0.0).all()
-
-
-def test_plain_rooms_scatter_nothing() -> None:
-    scene = scene_of(ell())
-    assert scene.point.shape == scene.point_normal.shape == (0, 3)
-    assert scene.edge_a.shape == (0, 3)
 
 
 def test_furniture_has_upright_and_top_edges_and_a_plain_pillar_has_none() -> None:

@@ -10,7 +10,6 @@ import pytest
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import Emr, Magnetometer, Recording, WifiScans
-from elfslam.data.recordings import read_recording, write_recording
 from elfslam.world.device import BMI160, BROWSER
 from elfslam.world.sensors import Sensor, parse_sensors
 from elfslam.world.simulate import simulate
@@ -154,15 +153,6 @@ def test_built_in_worlds_have_something_for_every_sensor(name: str) -> None:
     assert np.ptp(recording.emr.amplitude[:, 0]) > 0.1
 
 
-def test_a_world_from_a_file(tmp_path: Path) -> None:
-    world = world_of(tmp_path, CLOSET + TABLES)
-    recording = simulate(world, 0, rounds=2, sound=False, sensors=list(Sensor))[0]
-    assert recording.wifi is not None
-    assert recording.emr is not None
-    assert recording.wifi.bssids == ("neighbour", "router")
-    assert recording.emr.amplitude.shape[1] == 3
-
-
 def test_the_walls_of_the_room_count(tmp_path: Path) -> None:
     """The neighbour is heard through one wall."""
     world = world_of(tmp_path, CLOSET + TABLES)
@@ -241,16 +231,3 @@ def test_sensors_by_name() -> None:
     assert parse_sensors("") == set()
     with pytest.raises(InputError, match="sensor 'radar': wanted wifi, magnetic, emr"):
         parse_sensors("wifi,radar")
-
-
-def test_they_come_back_from_disk(sensed: Recording, tmp_path: Path) -> None:
-    write_recording(sensed, tmp_path / "walk")
-    back = read_recording(tmp_path / "walk")
-    for name in SENSED:
-        written, read = getattr(sensed, name), getattr(back, name)
-        for item in fields(written):
-            one, other = getattr(written, item.name), getattr(read, item.name)
-            if isinstance(one, np.ndarray):
-                np.testing.assert_allclose(other, one, rtol=1e-6, atol=1e-6)
-            else:
-                assert one == other

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,20 +10,16 @@ import pytest
 from elfslam.base.arrays import F64
 from elfslam.base.errors import ParameterError
 from elfslam.world.materials import material
-from elfslam.world.room import Room, box, shoebox
+from elfslam.world.room import Room, box, shoebox, standing_room
 from elfslam.world.simulate import simulate
 from elfslam.world.stroll import (
-    COVER_SHARE,
     LANES_M,
     STOP_S,
     lane_of,
     random_person,
     stroll,
-    stroll_on,
-    way_through,
 )
-from elfslam.world.walkable import standing_room
-from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, Walker, random_walker, walk
+from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, Walker
 from elfslam.world.world_file import load_world
 
 ROUTE_M = np.array([[6.0, 6.0], [24.0, 6.0], [24.0, 18.0], [6.0, 18.0]])
@@ -52,20 +48,6 @@ def beside(motion: Motion) -> F64:
 def ground_speed(motion: Motion) -> F64:
     velocity = np.gradient(motion.position_m[:, :2], 1 / KINEMATICS_RATE_HZ, axis=0)
     return np.asarray(np.linalg.norm(velocity, axis=1))
-
-
-def test_the_same_seed_strolls_the_same_way() -> None:
-    one, again, other = motion_of(1), motion_of(1), motion_of(2)
-    for item in fields(Motion):
-        assert getattr(one, item.name).tobytes() == getattr(again, item.name).tobytes()
-    assert len(one.t_s) != len(other.t_s)
-
-
-def test_a_way_serves_all_who_stroll_on_it() -> None:
-    way = way_through(HALL, ROUTE_M)
-    for seed in (1, 2):
-        on_it = stroll_on(person_of(seed), way, 4, np.random.default_rng(seed))
-        assert on_it.position_m.tobytes() == motion_of(seed).position_m.tobytes()
 
 
 def test_lanes_scatter_as_told() -> None:
@@ -149,25 +131,6 @@ def test_some_new_grips_cover_a_port_until_the_next() -> None:
     steady = held[held > 0.01]
     assert len(steady) > 10_000
     assert np.quantile(steady, 0.02) >= 6.0  # a grip of a moment does not come so far
-
-
-def test_who_covers_a_port_walks_as_before() -> None:
-    open_, closed = (
-        motion_of(2, rounds=1, grips_per_min=8.0, cover_share=share) for share in (0.0, 1.0)
-    )
-    for item in fields(Motion):
-        if item.name != "covered_db":
-            assert getattr(open_, item.name).tobytes() == getattr(closed, item.name).tobytes()
-    assert not covered(open_).any()
-    assert covered(closed).max() > 6.0
-    assert random_person(np.random.default_rng(0), 0.5).cover_share == COVER_SHARE
-    assert random_walker(np.random.default_rng(0)).cover_share == 0.0
-    assert random_person(np.random.default_rng(0), 0.5, cover_share=0.25).cover_share == 0.25
-
-
-def test_surveyors_never_cover_a_port() -> None:
-    surveyor = random_walker(np.random.default_rng(1))
-    assert not covered(walk(surveyor, ROUTE_M, 1, np.random.default_rng(1))).any()
 
 
 def test_a_phone_points_aside_and_comes_back() -> None:

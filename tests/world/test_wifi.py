@@ -12,7 +12,6 @@ from elfslam.base.errors import InputError
 from elfslam.base.values import WifiScans
 from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion
 from elfslam.world.wifi import (
-    MALL_SCANS,
     NEAREST_M,
     AccessPoint,
     WifiParameters,
@@ -204,17 +203,6 @@ def test_strong_beacons_are_seldom_missed() -> None:
     above_db = scans.rssi_dbm[-1] - parameters.threshold_dbm
     expected = 1 - 0.6 * 0.5 ** (above_db / parameters.missed_halving_db)
     np.testing.assert_allclose(fresh, expected, atol=0.04)
-
-
-def test_the_mall_phone_scans_every_2_2_s() -> None:
-    assert 1 / MALL_SCANS.scan_rate_hz == pytest.approx(2.2, abs=0.05)
-
-
-def test_the_same_seed_scans_the_same() -> None:
-    motion, points = straight_walk(30), [point(0.0, 5.0, 2.0)]
-    first, again, other = (scans_of(motion, points, WifiParameters(), s) for s in (3, 3, 4))
-    assert first.rssi_dbm.tobytes() == again.rssi_dbm.tobytes()
-    assert first.t_s.tobytes() != other.t_s.tobytes()
 
 
 def test_a_new_access_point_leaves_the_shadows_of_the_others() -> None:

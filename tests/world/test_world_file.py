@@ -10,8 +10,7 @@ import pytest
 
 from elfslam.base.errors import InputError
 from elfslam.base.grid import in_ring
-from elfslam.world.room import Room
-from elfslam.world.walkable import standing_room
+from elfslam.world.room import Room, standing_room
 from elfslam.world.world_file import World, in_state, load_world, parse_world, world_names
 
 BOX = """
@@ -192,12 +191,6 @@ def test_rows_of_the_same_and_grids_of_spots(corner: World) -> None:
     )
 
 
-def test_one_material_for_all_walls() -> None:
-    listed = re.compile(r"walls = \[.*\]")
-    text = listed.sub('walls = "glass"', POLYGON)
-    assert {wall.name for wall in parsed(text).room.walls} == {"glass"}
-
-
 # --- the worlds that come along ---
 
 
@@ -259,18 +252,6 @@ def test_each_state_moves_five_pieces() -> None:
             assert len(moved) >= 5
 
 
-def test_the_tests_above_know_every_built_in_world() -> None:
-    assert set(world_names()) == {
-        "living_room", "office", "studio", "lounge", "concourse", "mall", "lab", "hall",
-    }  # fmt: skip
-
-
-def test_a_world_is_the_same_every_time() -> None:
-    first, again = load_world("hall"), load_world("hall")
-    assert (first.room.blocks[3].corners_m == again.room.blocks[3].corners_m).all()
-    assert (first.spots_m == again.spots_m).all()
-
-
 def test_a_world_from_a_file(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(BOX, encoding="utf-8")
@@ -325,47 +306,27 @@ def assert_refused(text: str, old: str, new: str, mark: str, complaint: str) -> 
         ('name = "closet"', 'name = " "', "name =", "name is ' ', wanted a text in quotes"),
         ('name = "closet"\n', "", "\n", "lacks name; add it"),
         ("seed = 3", "sead = 3", "sead", "knows no 'sead'; wanted name,"),
-        ("seed = 3", "sead = 3", "sead", "did you mean 'seed'?"),
         ("seed = 3", "seed = 3\nfurniture_seed = 3", "furniture_seed", "the older name of seed"),
-        ("seed = 3", 'seed = "three"', "seed", "seed is 'three', wanted a whole number"),
-        ("seed = 3", "seed = 3.5", "seed", "seed is 3.5, wanted a whole number"),
-        ("seed = 3", "seed = -3", "seed", "seed is -3, wanted a whole number from 0"),
-        ("seed = 3", "seed = true", "seed", "seed is True, wanted a whole number"),
-        ("[6.0, 4.0, 2.5]", "[6.0, 4.0]", "size_m", "size_m is [6.0, 4.0], wanted 3 numbers"),
         ("[6.0, 4.0, 2.5]", "[6.0, -4.0, 2.5]", "size_m", "wanted 3 numbers from 0.01 to 500"),
-        ("[6.0, 4.0, 2.5]", "[6.0, nan, 2.5]", "size_m", "wanted 3 numbers"),
         ("[6.0, 4.0, 2.5]", "[6.0, 501, 2.5]", "size_m", "wanted 3 numbers from 0.01 to 500"),
-        ("[6.0, 4.0, 2.5]", '["6", 4, 2.5]', "size_m", "size_m is ['6', 4, 2.5], wanted 3"),
         ("[6.0, 4.0, 2.5]", "[6.0, 4.0, 1.9]", "size_m", "the ceiling is 1.9 m high, wanted 2 m"),
         ("size_m = [6.0, 4.0, 2.5]\n", "", "\n", "wanted either size_m or outline_m"),
         ("0.5, 0.7]", "0.5]", "reflection", "wanted 6 numbers from 0 to 1"),
-        ("0.5, 0.7]", "0.5, 1.7]", "reflection", "wanted 6 numbers from 0 to 1"),
-        ("0.5, 0.7]", "0.5, -0.1]", "reflection", "wanted 6 numbers from 0 to 1"),
         ("reflection = [0.8, 0.81, 0.82, 0.83, 0.5, 0.7]\n", "", "\n", "[surfaces] or reflection"),
         # furniture and partitions
-        ('name = "stool"', 'titel = "stool"', "titel", "furniture 1: knows no 'titel'"),
         ('name = "stool"\n', "", "[[furniture]]", "furniture 1: lacks name"),
-        ('name = "stool"', 'name = ["stool"]', "name = [", "furniture 1: name is ['stool']"),
         ('name = "shelf"', 'name = "stool"', 'name = "stool"  #', "the name 'stool' is taken"),
         ('name = "screen"', 'name = "shelf"', 'name = "shelf"\nfrom', 'partition 1 "shelf": the'),
         ('"sofa"', '"soda"', '"soda"', "furniture 1 \"stool\": material: material 'soda'"),
-        ('"sofa"', '"soda"', '"soda"', "did you mean 'sofa'?"),
-        ('"sofa"', "5", "material = 5", "material is 5, wanted the name of a material"),
         ("[0.4, 0.6, 0.5]", "[0.4, 0.0, 0.5]", "[0.4, 0.0", "wanted 3 numbers from 0.01"),
         ("[0.4, 0.6, 0.5]", "[0.4, 0.6, 2.6]", "corner_m = [1.8", "reaches from 0 to 2.6 m"),
-        ("[1.8, 1.3, 0.0]", "[1.8, 1.3, -0.1]", "[1.8, 1.3, -0.1]", "'stool' reaches from -0.1"),
         ("[1.8, 1.3, 0.0]", "[5.8, 1.3, 0.0]", "[5.8, 1.3", "'stool' stands outside the room"),
-        ("[1.8, 1.3, 0.0]", "[9.8, 1.3, 0.0]", "[9.8, 1.3", "'stool' stands outside the room"),
         ("turn_deg = 0.0", "turn_deg = 30.0", "corner_m = [2.0", "'shelf' stands outside the room"),
-        ("turn_deg = 0.0", "turn_deg = inf", "turn_deg", "turn_deg is inf, wanted a number"),
         ("turn_deg = 0.0", "repeat = [2, 1]", '[[furniture]]\nname = "shelf"', "lacks spacing_m"),
-        ("turn_deg = 0.0", "repeat = [1.5, 1]\nspacing_m = [0, 0]", "repeat", "whole numbers"),
         ("= 2.0\n", '= "2"\n', "clutter", "clutter_per_m2 is '2', wanted a number from 0 to 100"),
-        ('[[furniture]]\nname = "shelf"', '[[sofas]]\nname = "shelf"', "[[sofas]]", "no 'sofas'"),
         ("to_m = [4.0, 1.5]", "to_m = [3.0, 1.5]", "to_m = [3.0", "begins where it ends"),
         ("to_m = [4.0, 1.5]", "to_m = [7.0, 1.5]", "[[partition]]", "'screen' stands outside"),
         ("height_m = 1.5", "height_m = 3.0", "[[partition]]", "'screen' reaches from 0 to 3 m"),
-        ("thickness_m = 0.05", "thick_m = 0.05", "thick_m", "did you mean 'thickness_m'?"),
         # ways that nobody can walk
         ("[5.2, 3.2], [0.8, 3.2]]", "[5.2, 4.2], [0.8, 3.2]]", "route_m", "the outside of the"),
         ("[5.2, 3.2], [0.8, 3.2]]", "[5.9, 3.2], [0.8, 3.2]]", "route_m", "leg 2 from [5.2, 0.8]"),
@@ -374,7 +335,6 @@ def assert_refused(text: str, old: str, new: str, mark: str, complaint: str) -> 
         ("[5.2, 3.2], [0.8, 3.2]]", "[5.2, 3.2]]", "route_m", "leg 3 (the one that closes it)"),
         ("[5.2, 3.2], [0.8, 3.2]]", "[5.2, 3.2]]", "route_m", 'meets "stool"; keep 0.25 m off'),
         ("[[0.8, 0.8], [5.2, 0.8]", "[[0.8], [5.2, 0.8]", "route_m", "point 1 is [0.8], wanted"),
-        ("[[0.8, 0.8], [5.2, 0.8]", '[["a", 1], [5.2, 0.8]', "route_m", "point 1 is ['a', 1]"),
         ("route_m = [[0.8, 0.8], [5.2, 0.8], [5.2, 3.2], [0.8, 3.2]]",
          "route_m = [[0.8, 0.8], [0.8, 0.8]]", "route_m", "fewer than 2 distinct corners"),
         ("route_m = [[0.8, 0.8], [5.2, 0.8], [5.2, 3.2], [0.8, 3.2]]",
@@ -386,7 +346,6 @@ def assert_refused(text: str, old: str, new: str, mark: str, complaint: str) -> 
         ("speed_mps = 0.9", "speed_mps = 0", "speed_mps", "speed_mps is 0, wanted a number"),
         ("spots = [[0.8, 0.8]", "spots = [[2.0, 1.5]", "spots", "spot 1 at [2.0, 1.5] is in a"),
         ("spots = [[0.8, 0.8]", "spots = [[0.1, 1.5]", "spots", "within 0.25 m of it"),
-        ("spots = [[0.8, 0.8], [5.2, 3.2]]", "spots = 5", "spots", "spots is 5, wanted a list"),
         # states
         ('{ name = "stool"', '{ name = "stol"', "moved", "moved: there is no 'stol'; did you mean"),
         ('["screen"]', '["scren"]', "removed", "there is no 'scren'; did you mean 'screen'?"),
@@ -394,19 +353,11 @@ def assert_refused(text: str, old: str, new: str, mark: str, complaint: str) -> 
         ("by_m = [1.0", "by_m = [5.0", "moved", "moved 1: 'stool' stands outside the room"),
         ("by_m = [1.0, 0.2]", "by_m = [0.0, -0.5]", "[[state]]", "route_m: leg 1 from"),
         ("by_m = [1.0, 0.2]", "by_m = [0.0, 0.6]", "[[state]]", "people, route 1: leg 1"),
-        ("by_m", "to_m", "moved", "knows no 'to_m'"),
-        ("turn_deg = 90.0", 'turn_deg = "90"', "moved", "turn_deg is '90', wanted a number"),
-        ("moved = [{", "moved = 3 #", "moved", "moved is 3, wanted a list"),
         ("[[state]]", "[state]", "[state]", "state: wanted [[state]] tables"),
-        ("removed = ", "gone = ", "gone", "knows no 'gone'"),
         # climate and surroundings
         ("temperature_c = 18.0", "temperature_c = 95.0", "temperature_c", "from -20 to 50"),
-        ("humidity_percent = 60.0", 'humidity_percent = "wet"', "humidity", "is 'wet', wanted"),
-        ("[climate]", "[[climate]]", "[[climate]]", "climate: wanted a [climate] table"),
         ("[5.5, 3.5, 2.0]", "[5.5, 3.5]", "[[access_point]]", "access_point 'router': "),
-        ('bssid = "router"', 'bsid = "router"', "bsid", "did you mean 'bssid'?"),
         ("north_deg = 30.0", 'north_deg = "up"', "[magnetic]", "magnetic: north_deg is 'up'"),
-        ("north_deg = 30.0", "nort_deg = 1", "nort_deg", "did you mean 'north_deg'?"),
         ("[1.0, 0.1]", "[]", "[[power_line]]", "power_line 'sockets': current_a has to be"),
     ],
 )  # fmt: skip
@@ -440,17 +391,11 @@ def test_states_need_names_of_their_own_and_something_to_do() -> None:
          "[[0.0, 0.0], [4.0, 0.0], [8.0, 0.0]]", "outline_m", "encloses 0 m2, wanted 1 or more"),
         ("[8.0, 3.0], [8.0, 0.0]]", "[8.0, 3.0], [8.0, -2.0], [8.0, 0.0]]", "outline_m",
          "side 5 from [8.0, 3.0] to [8.0, -2.0] crosses"),
-        ("[8.0, 0.0]]", "[8.0, 501.0]]", "outline_m", "point 6 is [8.0, 501.0]"),
         ("height_m = 3.0", "height_m = 1.5", "height_m", "the ceiling is 1.5 m high"),
-        ("height_m = 3.0", "height_m = 0", "height_m", "height_m is 0, wanted a number from 0.01"),
-        ("height_m = 3.0", 'height_m = "3"', "height_m", "height_m is '3', wanted a number"),
         ("height_m = 3.0\n", "", "\n", "lacks height_m"),
         ('"brick", ', "", "walls", "walls has 5 materials, wanted one or 6"),
-        ('"brick"', '"brik"', "walls", "did you mean 'brick'?"),
         ("absorption = 0.9", "absorption = 1.1", "ceiling", "absorption is 1.1, wanted a number"),
-        ("scattering = 0.25", "scattering = -0.1", "ceiling", "scattering is -0.1, wanted"),
         ('floor = "carpet"', "", "[surfaces]", "floor is None, wanted the name of a material"),
-        ("spacing_m = 0.1", "spacing_m = 0.0", "spots", "spacing_m is 0.0, wanted a number"),
         ("to_m = [1.3, 1.2]", "to_m = [0.3, 1.2]", "spots", "ends before it begins"),
         ("from_m = [1.0, 1.0]", "from_m = [0.2, 1.0]", "spots", "spot 1 at [0.2, 1.0] is in a"),
         ("repeat = [2, 1]", "repeat = [6, 1]", "[4.0, 2.5", "'table 5' stands outside the room"),

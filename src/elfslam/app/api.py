@@ -300,7 +300,6 @@ def _map_of(given: FloorMap | Run) -> FloorMap:
 
 
 def _encoder_for(floor_map: FloorMap) -> Encoder:
-    """The shipped encoder that a map was made with."""
     wanted = {item.encoder for item in floor_map.payloads}
     for encoder in (load_encoder(name) for name in SHIPPED):
         if wanted <= {encoder.identity}:

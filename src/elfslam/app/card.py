@@ -39,7 +39,7 @@ def metrics_of(measured: Path) -> dict[str, float]:
     if len(methods) != 1 or "another study" in methods:
         raise InputError(
             f"{measured}: wanted results of `python -m studies elf` about one encoder, got "
-            f"{', '.join(sorted(methods)) or 'none':.200}; name the encoder with --encoder there"
+            f"{', '.join(sorted(methods)) or 'none':.200}; name one encoder there"
         )
     try:
         return {

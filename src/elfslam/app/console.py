@@ -26,6 +26,8 @@ DONE, NO_ANSWER, BAD_INPUT, CLOSED_PIPE, INTERRUPTED = 0, 1, 2, 1, 130
 EXPLAINED = (ElfslamError, OSError, MemoryError, ModuleNotFoundError, UnicodeEncodeError)
 """What a user can act on: a bug is none of them."""
 
+COMPILED = "numba:compile"
+"""What numba calls it when a function is compiled; one that it kept on disk is not."""
 PIPE_WIDTH = 120
 GAP = 3
 """Between two columns of a table."""
@@ -80,6 +82,22 @@ def progress_bar() -> Iterator[Announce]:
             bar.update(task, description=printable(what), completed=share or 0.0, total=total)
 
         yield announce
+
+
+@contextmanager
+def compilation_announced(announce: Announce) -> Iterator[None]:
+    """As long as this lasts, what is compiled just in time, which takes seconds, is announced."""
+    from numba.core.event import Event, Listener, install_listener
+
+    class Told(Listener):  # type: ignore[misc]
+        def on_start(self, event: Event) -> None:
+            announce("compiling, only this once", None)
+
+        def on_end(self, event: Event) -> None:
+            """Whatever comes next says so itself."""
+
+    with install_listener(COMPILED, Told()):
+        yield
 
 
 def print_rows(rows: Sequence[Mapping[str, object]], *, title: str, as_json: bool) -> None:

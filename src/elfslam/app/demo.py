@@ -16,7 +16,7 @@ from elfslam.base.enums import Mode
 from elfslam.base.parameters import as_dict, digest
 from elfslam.base.values import Fixes, FixStatus, Recording, Run, Truth
 from elfslam.data.atomic_files import new_file, refuse_occupied
-from elfslam.data.fixes_files import write_fixes
+from elfslam.data.position_files import write_fixes
 from elfslam.data.recordings import write_recording
 from elfslam.scoring.alignment import AS_DECLARED
 from elfslam.scoring.bootstrap import interval
@@ -96,7 +96,6 @@ def _collected(
     announce: Callable[[str, float | None], None],
     seeds: Sequence[int],
 ) -> Collected:
-    """All walks mapped and located; the first of them is written."""
     world, collected = load_world(WORLD), Collected()
     for count, seed in enumerate(seeds):
         announce(f"walk {seed}: simulating, mapping and locating", count / len(seeds))
@@ -126,7 +125,6 @@ def _collected(
 
 
 def _walked(world: World, seed: int, kind: Kind) -> tuple[Recording, Truth]:
-    """A walk to be mapped."""
     return simulate(
         world, seed, rounds=MAPPING_ROUNDS, walker=kind.walker,
         circumstances=kind.mapping(world.room),
@@ -134,7 +132,6 @@ def _walked(world: World, seed: int, kind: Kind) -> tuple[Recording, Truth]:
 
 
 def _asked(world: World, seed: int, kind: Kind) -> tuple[Recording, Truth]:
-    """A walk to be located."""
     return simulate(
         kind.asking_place(world, seed), seed, rounds=LOCATING_ROUNDS, walker=kind.walker,
         circumstances=kind.asking(world.room),

@@ -17,19 +17,15 @@ from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.grid import BODY_RADIUS_M, walked_grid
 from elfslam.base.text_files import readable
 from elfslam.base.values import FloorMap, Run
+from elfslam.data import map_exports
 from elfslam.data.atomic_files import new_file, settled
-from elfslam.data.facts import ENCODER, FACTS
-from elfslam.data.g2o import write_g2o
 from elfslam.data.geographic import Origin
-from elfslam.data.geojson_files import Feature, walk_lines, write_geojson
 from elfslam.data.imdf import Venue, write_imdf
-from elfslam.data.map_files import MAP, read_map
-from elfslam.data.parquet_files import write_parquet
-from elfslam.data.points_of_interest_files import read_points
-from elfslam.data.ros_map import image_beside, ros_map
+from elfslam.data.map_files import ENCODER, FACTS, MAP, read_map
+from elfslam.data.named_places import read_points
+from elfslam.data.position_files import write_tum
 from elfslam.data.runs import read_run
 from elfslam.data.tables import read_table
-from elfslam.data.tum import write_tum
 from elfslam.stages.graph import build_graph
 
 COVERAGE = "quality.csv"
@@ -65,7 +61,7 @@ def export(
     """
     new = partial(new_file, overwrite=overwrite, reads=[source])
     if to is Format.ROS:
-        image = image_beside(out)
+        image = map_exports.image_beside(out)
         with new(out) as file, new(image) as picture:
             _ros(settled(source), file, picture, readable(image.name), told or ExportContext())
         return
@@ -105,29 +101,31 @@ def _g2o(source: Path, out: Path, told: ExportContext) -> None:
     """The pose graph: steps and all closures, the straightened poses as first guess."""
     run = _run(source)
     graph = build_graph(run.odometry, run.closures)
-    write_g2o(out, graph, run.trajectory.world_from_body)
+    map_exports.write_g2o(out, graph, run.trajectory.world_from_body)
 
 
 def _onnx(source: Path, out: Path, told: ExportContext) -> None:
     """The encoder that others are located by."""
     encoder = source / ENCODER
     if not encoder.is_file():
-        raise InputError(f"{source}: holds no {ENCODER}; map it by its echoes (--by elf) first")
+        raise InputError(f"{source}: holds no {ENCODER}; map it by its echoes first", argument="by")
     shutil.copyfile(encoder, out)
 
 
 def _geojson(source: Path, out: Path, told: ExportContext) -> None:
     """Walks, spots, squares of coverage and points of interest on the Earth."""
-    write_geojson(out, map_of(source), _origin(told), _coverage(source), read_points(source))
+    map_exports.write_geojson(
+        out, map_of(source), _origin(told), _coverage(source), read_points(source)
+    )
 
 
 def _imdf(source: Path, out: Path, told: ExportContext) -> None:
-    """The walked ground as a unit of a level, points of interest as amenities."""
     origin = _origin(told)
     if told.place is None:
         raise ParameterError(
-            "--place: the format asks for the name and the address of the venue; "
-            "give a TOML file with name, category, address, locality, country, level and ordinal"
+            "place: the format asks for the name and the address of the venue; "
+            "give a TOML file with name, category, address, locality, country, level and ordinal",
+            argument="place",
         )
     points = read_points(source)
     write_imdf(out, _lines(source), told.place, origin, datetime.now(UTC), points)
@@ -137,17 +135,19 @@ def _ros(source: Path, file: Path, picture: Path, image: str, told: ExportContex
     """The walked ground as an image of that name."""
     if not FINEST_M <= told.pixel_m <= COARSEST_M:
         raise ParameterError(
-            f"--resolution: got {told.pixel_m:g}, wanted {FINEST_M:g} to {COARSEST_M:g} m; "
-            "0.05 is usual"
+            f"resolution: got {told.pixel_m:g}, wanted {FINEST_M:g} to {COARSEST_M:g} m; "
+            "0.05 is usual",
+            argument="resolution",
         )
-    text, content = ros_map(walked_grid(_lines(source), BODY_RADIUS_M, told.pixel_m), image)
+    text, content = map_exports.ros_map(
+        walked_grid(_lines(source), BODY_RADIUS_M, told.pixel_m), image
+    )
     file.write_text(text, encoding="utf-8")
     picture.write_bytes(content)
 
 
 def _parquet(source: Path, out: Path, told: ExportContext) -> None:
-    """The spots as a table."""
-    write_parquet(out, map_of(source))
+    map_exports.write_parquet(out, map_of(source))
 
 
 def _run(source: Path) -> Run:
@@ -157,19 +157,20 @@ def _run(source: Path) -> Run:
 
 
 def _lines(source: Path) -> list[F64]:
-    return [line for _, line in walk_lines(map_of(source))]
+    return [line for _, line in map_exports.walk_lines(map_of(source))]
 
 
 def _origin(told: ExportContext) -> Origin:
     if told.origin is None:
         raise ParameterError(
-            "--origin: a map does not know where on the Earth it lies; give "
-            "LAT,LON[,BEARING_DEG] of its origin and x axis, such as 47.3769,8.5417,90"
+            "origin: a map does not know where on the Earth it lies; give "
+            "LAT,LON[,BEARING_DEG] of its origin and x axis, such as 47.3769,8.5417,90",
+            argument="origin",
         )
     return told.origin
 
 
-def _coverage(source: Path) -> list[tuple[F64, Feature]]:
+def _coverage(source: Path) -> list[tuple[F64, map_exports.Feature]]:
     """The squares (4, 2) of a map whose coverage is known, and what is known of them."""
     file = source / COVERAGE
     if not source.is_dir() or not file.is_file():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
@@ -13,27 +13,29 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from elfslam import __version__
-from elfslam.app.modalities import sense_of
-from elfslam.app.settings import Settings
-from elfslam.app.workers import unit_key
+from elfslam.app.settings import Settings, sense_of
+from elfslam.app.workers import SerialWorkers, Workers, unit_key
 from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.enums import Modality
 from elfslam.base.errors import InputError, NoAnswerError, ParameterError, StoreError
 from elfslam.base.parameters import as_dict, digest
+from elfslam.base.points_of_interest import PointOfInterest
 from elfslam.base.progress import Announce, silent
-from elfslam.base.values import Echoes, Recording, Run
+from elfslam.base.values import Echoes, FloorMap, Recording, Run, Trajectory
 from elfslam.data.atomic_files import new_file, new_folder, refuse_occupied
-from elfslam.data.facts import BY_TAPS, FACTS, MISSING, NOTES
+from elfslam.data.map_files import BY_TAPS, FACTS, MERGED, MISSING, NOTES, fill_merged, read_facts
 from elfslam.data.recordings import read_recording
-from elfslam.data.runs import digest_of, fill_run
+from elfslam.data.runs import digest_of, fill_run, write_run
 from elfslam.learn.parameters import FinetuneParameters
 from elfslam.slam import pipeline as slam
 from elfslam.slam.coverage import Missing, missing_of
 from elfslam.slam.front_end import compass_of, extract_echoes
+from elfslam.slam.merging.parameters import MergeParameters
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.trimming import trimmed
 from elfslam.stages.checkpoints import lies_on_plan
 from elfslam.stages.feature import Encoder, OnnxEncoder, load_encoder
+from elfslam.stages.quality import map_quality
 
 if TYPE_CHECKING:
     from elfslam.learn.finetune import Finetuned
@@ -103,6 +105,37 @@ def write_reported_run(
         write_report(partial / "report.html", run, facts=facts, floor_plan=floor_plan)
 
 
+def write_merged_map(
+    out: Path,
+    floor_map: FloorMap,
+    parameters: MergeParameters,
+    *,
+    told: Mapping[str, object],
+    trajectories: Mapping[str, Trajectory],
+    pairs: Sequence[Mapping[str, object]] = (),
+    refused: Mapping[str, str],
+    encoder: bytes | None,
+    points_of_interest: Sequence[PointOfInterest],
+    overwrite: bool,
+) -> None:
+    """A map of many walks as a folder that holds its report.html, whole or not at all."""
+    from elfslam.scoring.merged_report import write_merged_report
+
+    quality = map_quality(floor_map, parameters.quality)
+    facts = {
+        **versions(),
+        **told,
+        "parameters_digest": digest(parameters),
+        "parameters": as_dict(parameters),
+    }
+    with new_folder(out, replaces=MERGED if overwrite else None) as partial:
+        fill_merged(
+            partial, floor_map, quality, trajectories, facts=facts, encoder=encoder,
+            points_of_interest=points_of_interest,
+        )  # fmt: skip
+        write_merged_report(partial / "report.html", floor_map, quality, pairs, refused)
+
+
 def refuse_taken(folder: Path, job: MapJob) -> None:
     """Raise StoreError before the work where the run could not be written after it."""
     refuse_occupied(folder, FACTS if job.overwrite else None)
@@ -131,7 +164,8 @@ def map_recording(recording: Recording, job: MapJob, announce: Announce = silent
     by = job.by or heard
     if job.finetune and Modality.ELF not in by:
         raise InputError(
-            f"{recording.name}: --finetune learns echoes; leave it out with --by {','.join(by)}"
+            f"{recording.name}: fine-tuning learns echoes; leave it out by {','.join(by)}",
+            argument="finetune",
         )
     encoder = load_encoder(job.encoder) if Modality.ELF in by else None
     tuned: list[Finetuned] = []
@@ -201,7 +235,6 @@ def units_of(job: MapJob) -> Callable[[Path], str]:
 
 
 def _verdict(run: Run) -> dict[str, str]:
-    """How many closures the trajectory bears out, where there are any."""
     verdict = run.trajectory.verdict
     return {} if verdict is None else {"closures": str(verdict)}
 
@@ -276,11 +309,12 @@ def parse_start(text: str | None) -> Pose | None:
         (heading_rad,) = heading or (0.0,)
     except ValueError as cause:
         raise ParameterError(
-            f"--start: wanted X,Y,HEADING (m, m, rad), or X,Y and a compass, got {text!r}"
+            f"start: wanted X,Y,HEADING (m, m, rad), or X,Y and a compass, got {text!r}",
+            argument="start",
         ) from cause
     if not all(abs(number) < FARTHEST_M for number in (x_m, y_m, heading_rad)):
         raise ParameterError(
-            f"--start: wanted finite numbers, got {text!r}; give metres and radians"
+            f"start: wanted finite numbers, got {text!r}; give metres and radians", argument="start"
         )
     return x_m, y_m, heading_rad if heading else float("nan")
 
@@ -304,3 +338,58 @@ def versions() -> dict[str, object]:
     libraries = {name: metadata.version(name) for name in ("numpy", "gtsam", "onnxruntime")}
     made = datetime.now(UTC).isoformat(timespec="seconds")
     return {"elfslam": __version__, "libraries": libraries, "made_utc": made}
+
+
+def recordings_in(path: Path) -> list[Path]:
+    """The recording at `path`, or those in the folder `path`."""
+    if path.is_dir() and not (path / "recording.json").exists():
+        inside = sorted(item.parent for item in path.glob("[!.]*/recording.json"))
+        if inside:
+            return inside
+    return [path]
+
+
+def map_many(
+    out: Path, paths: list[Path], job: MapJob, announce: Announce, workers: Workers | None = None
+) -> dict[str, str]:
+    """Map each recording into a folder of `out`; why not, by name, for those that cannot be.
+
+    A run that lies there already and was made of the same recording in the same way stays, so
+    that the same call goes on after a kill. No reports are written: `elfslam show` draws any of
+    them. `workers` on other machines must see the same folders. Raises StoreError before the
+    first where one of the folders holds anything else.
+    """
+    unit = units_of(job)
+    waiting = [path for path in paths if not _is_done(path, out, unit)]
+    for path in waiting:
+        refuse_taken(out / path.name, job)
+    refused: dict[str, str] = {}
+    done = len(paths) - len(waiting)
+    announce(f"{done} of {len(paths)} recordings", done / len(paths))
+    for index, reason in (workers or SerialWorkers()).each(
+        partial(_map_next, out=out, job=job), waiting
+    ):
+        done += 1
+        announce(f"{done} of {len(paths)} recordings", done / len(paths))
+        if reason:
+            refused[waiting[index].name] = reason
+    return {path.name: refused[path.name] for path in waiting if path.name in refused}
+
+
+def _map_next(path: Path, out: Path, job: MapJob) -> str:
+    """Why this recording has no run; empty where it has one now."""
+    try:
+        run, facts, content = mapped_run(path, job, lambda what, share: None)
+    except (InputError, NoAnswerError) as error:
+        return str(error)
+    write_run(run, out / path.name, facts=facts, encoder=content, replace=job.overwrite)
+    return ""
+
+
+def _is_done(path: Path, out: Path, unit: Callable[[Path], str]) -> bool:
+    if not (out / path.name / FACTS).exists():
+        return False
+    try:
+        return read_facts(out / path.name).get("unit") == unit(path)
+    except (InputError, StoreError, OSError):
+        return False

@@ -1,4 +1,4 @@
-"""Run folders become a map folder, or join one: what `elfslam merge` does."""
+"""Maps of several walks: run folders merged or added, and one feature per spot for all headings."""
 
 from __future__ import annotations
 
@@ -7,24 +7,35 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from elfslam.app.map import versions
+import numpy as np
+
+from elfslam.app.locate import encoder_of
+from elfslam.app.map import write_merged_map
+from elfslam.app.settings import Settings
 from elfslam.base.errors import InputError, NoAnswerError
-from elfslam.base.parameters import as_dict, digest
+from elfslam.base.geometry import interpolate_poses
+from elfslam.base.parameters import digest
 from elfslam.base.points_of_interest import PointOfInterest
 from elfslam.base.progress import Announce
 from elfslam.base.text_files import readable
-from elfslam.base.values import FloorMap, Trajectory
-from elfslam.data.atomic_files import new_folder, refuse_occupied, settled
-from elfslam.data.facts import ENCODER
-from elfslam.data.map_files import read_map
-from elfslam.data.merged_maps import MERGED, fill_merged, is_merged, is_superimposed
-from elfslam.data.points_of_interest_files import read_points
+from elfslam.base.values import ELF_SIZE, FloorMap, Trajectory
+from elfslam.data import map_files
+from elfslam.data.atomic_files import refuse_occupied, settled
+from elfslam.data.named_places import read_points
 from elfslam.data.runs import read_run
-from elfslam.scoring.merged_report import write_merged_report
+from elfslam.learn.parameters import FloorLevelParameters
 from elfslam.slam.merging import MappedWalk, MergeParameters, add_walk, lay_walk, merge, walk_of
 from elfslam.stages.carried_points import carried, gathered
+from elfslam.stages.feature import Encoder, OnnxEncoder
+from elfslam.stages.locate import elf_payload
 from elfslam.stages.map_alignment import Registration
-from elfslam.stages.quality import map_quality
+from elfslam.stages.superimposition import (
+    SpotEchoes,
+    floor_spots,
+    nearest_covariance,
+    superimposed,
+    superimposed_map,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,35 +61,26 @@ def merge_into(
 
     Raises NoAnswerError where no walk could be merged, InputError where they cannot be compared.
     """
-    refuse_occupied(out, MERGED if overwrite else None)
-    bases = [path for path in paths if is_merged(settled(path))]
+    refuse_occupied(out, map_files.MERGED if overwrite else None)
+    bases = [path for path in paths if map_files.is_merged(settled(path))]
     if len(bases) > 1:
         raise InputError(f"merge: wanted one map at most, got {len(bases)}; merge the runs instead")
-    if bases and is_superimposed(settled(bases[0])):
+    if bases and map_files.is_superimposed(settled(bases[0])):
         raise InputError(f"merge: {bases[0]} is superimposed; add walks to the map it was made of")
     walks = _walks([path for path in paths if path not in bases], announce)
     if bases:
         grown = _laid if known_starts else _grown
-        made = grown(read_map(bases[0]), walks, parameters, announce)
+        made = grown(map_files.read_map(bases[0]), walks, parameters, announce)
     else:
         made = _merged(walks, parameters, announce, known_starts=known_starts)
-    quality = map_quality(made.floor_map, parameters.quality)
-    facts = {
-        **versions(),
-        "walks": list(made.floor_map.sources),
-        "pairs": made.pairs,
-        "refused": made.refused,
-        "parameters_digest": digest(parameters),
-        "parameters": as_dict(parameters),
-    }
-    with new_folder(out, replaces=MERGED if overwrite else None) as partial:
-        content = (made.floor_map, quality, made.trajectories)
-        fill_merged(
-            partial, *content, facts=facts, encoder=_encoder_in(paths),
-            points_of_interest=_named(bases, walks, made.trajectories),
-        )  # fmt: skip
-        report = partial / "report.html"
-        write_merged_report(report, made.floor_map, quality, made.pairs, made.refused)
+    walked = list(made.floor_map.sources)
+    write_merged_map(
+        out, made.floor_map, parameters,
+        told={"walks": walked, "pairs": made.pairs, "refused": made.refused},
+        trajectories=made.trajectories, pairs=made.pairs, refused=made.refused,
+        encoder=_encoder_in(paths), overwrite=overwrite,
+        points_of_interest=_named(bases, walks, made.trajectories),
+    )  # fmt: skip
     return made
 
 
@@ -114,7 +116,6 @@ def _laid(
     parameters: MergeParameters,
     announce: Announce,
 ) -> Outcome:
-    """The map with walks that lie in its frame already."""
     _check_new(floor_map, walks)
     trajectories: dict[str, Trajectory] = {}
     for count, walk in enumerate(walks):
@@ -198,5 +199,107 @@ def _named(
 
 def _encoder_in(paths: Sequence[Path]) -> bytes | None:
     """The encoder of the first: they are the same, and a map without learning has none."""
-    file = paths[0] / ENCODER
+    file = paths[0] / map_files.ENCODER
     return file.read_bytes() if file.is_file() else None
+
+
+def superimpose_into(
+    out: Path,
+    map_path: Path,
+    runs: Sequence[Path],
+    settings: Settings,
+    announce: Announce,
+    *,
+    seed: int = 0,
+    overwrite: bool = False,
+) -> FloorMap:
+    """The map folder `out`: one spot per square of the map at `map_path`, alike in any heading.
+
+    Its features are the means of the map's own; with `runs`, walks of that map, its encoder first
+    learns from their echoes to hear a spot alike in any heading, and goes on after a kill.
+    Raises InputError, StoreError.
+    """
+    refuse_occupied(out, map_files.MERGED if overwrite else None)
+    source = settled(map_path)
+    if map_files.is_superimposed(source):
+        raise InputError(f"{map_path}: is superimposed already; name the map that it was made of")
+    floor_map = map_files.read_map(source)
+    encoder = encoder_of(source, floor_map)
+    if runs:
+        walks = [_placed(source, run, announce) for run in runs]
+        made, encoder = _learned(out, floor_map, walks, encoder, settings, announce, seed=seed)
+    else:
+        elfs = elf_payload(floor_map, encoder.identity, ELF_SIZE)
+        made = superimposed(floor_map, elfs, settings.floor_level.spacing_m)
+    made = replace(made, parameters_digest=digest(settings))
+    told = {"walks": list(made.sources), "learned_from": [run.name for run in runs]}
+    write_merged_map(
+        out, made, settings, told={map_files.SUPERIMPOSED: True, **told}, trajectories={},
+        refused={}, encoder=encoder.content if isinstance(encoder, OnnxEncoder) else None,
+        points_of_interest=read_points(source), overwrite=overwrite,
+    )  # fmt: skip
+    if runs:
+        _checkpoint(out).unlink(missing_ok=True)
+    return made
+
+
+def _placed(map_path: Path, path: Path, announce: Announce) -> SpotEchoes:
+    """The echoes of a run where the map has them. Raises InputError where it has no such walk."""
+    announce(f"reading {path.name}", None)
+    echoes = read_run(path).echoes
+    if echoes is None:
+        raise InputError(f"{path}: holds no echoes; map its recording again, by its echoes")
+    t_s, poses = map_files.walk_in(map_path, readable(path.name))
+    inside = (echoes.t_s >= t_s[0]) & (echoes.t_s <= t_s[-1])
+    if not inside.any():
+        raise InputError(f"{path}: is not the walk of that name in {map_path}; check both")
+    where = interpolate_poses(t_s, poses, echoes.t_s[inside])
+    return SpotEchoes(echoes.samples[inside], where[:, :2], where[:, 2])
+
+
+def _learned(
+    out: Path,
+    floor_map: FloorMap,
+    walks: Sequence[SpotEchoes],
+    encoder: Encoder,
+    settings: Settings,
+    announce: Announce,
+    *,
+    seed: int,
+) -> tuple[FloorMap, OnnxEncoder]:
+    from elfslam.learn.floor_level import floor_elfs, learn_floor
+
+    if not isinstance(encoder, OnnxEncoder):
+        raise InputError("superimpose: the map's encoder cannot learn; leave the runs out")
+    parameters = settings.floor_level
+    spots_m = floor_spots(np.vstack([walk.xy_m for walk in walks]), parameters.spacing_m)
+    learned = learn_floor(
+        encoder, spots_m, lambda step: drawn(walks, parameters, seed, step), parameters,
+        seed=seed, checkpoint=_checkpoint(out),
+        report=lambda at: announce(f"learning, loss {at.loss:.2f}", at.step / parameters.steps),
+    ).encoder  # fmt: skip
+    vectors = floor_elfs(learned, spots_m, walks)
+    made = superimposed_map(
+        spots_m, vectors, learned.identity, spacing_m=parameters.spacing_m,
+        sources=floor_map.sources, covariance_m2=nearest_covariance(floor_map, spots_m),
+    )  # fmt: skip
+    return made, learned
+
+
+def drawn(
+    walks: Sequence[SpotEchoes], parameters: FloorLevelParameters, seed: int, step: int
+) -> SpotEchoes:
+    """The echoes that a step learns from: as many of each walk, the same for a seed and step."""
+    generator = np.random.default_rng([seed, 1, step])
+    each = -(-parameters.batch // len(walks))
+    rows = [generator.integers(0, len(walk.xy_m), each) for walk in walks]
+    pairs = list(zip(walks, rows, strict=True))
+    return SpotEchoes(
+        np.concatenate([walk.samples[some] for walk, some in pairs]),
+        np.concatenate([walk.xy_m[some] for walk, some in pairs]),
+        np.concatenate([walk.heading_rad[some] for walk, some in pairs]),
+    )
+
+
+def _checkpoint(out: Path) -> Path:
+    return out.with_name(f"{out.name}.checkpoint")

@@ -52,7 +52,6 @@ def score_walks(runs: Path, truths: Path) -> tuple[list[Row], dict[str, str]]:
 
 
 def _measured(folder: Path, truth_path: Path) -> dict[str, dict[str, float]]:
-    """The measures of one run, by method. Raises ElfslamError where it cannot be scored."""
     truth = read_truth(truth_path)
     if len(truth.t_s) < FEWEST_WAYPOINTS:
         raise InputError(
@@ -77,7 +76,6 @@ def _measure(t_s: np.ndarray, poses: np.ndarray, truth: Truth) -> dict[str, floa
 
 
 def _row(method: str, measure: str, values: list[float], walks: int) -> Row:
-    """The median of one measure over the walks, with its 95 % interval."""
     each = [np.array([value]) for value in values]
     low, high = interval(each, lambda some: float(np.median(some)), np.random.default_rng(0))
     return {

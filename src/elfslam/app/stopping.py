@@ -63,12 +63,10 @@ def _leave(number: int) -> None:
 
 
 def _end(number: int, frame: FrameType | None) -> None:
-    """There is nothing to tidy up."""
     _leave(number)
 
 
 def _unwind(number: int, frame: FrameType | None) -> None:
-    """Tidy up on the way out; what breaks on that way is of no interest."""
     _on_stop(partial(_overhear, number))
     sys.unraisablehook = lambda hidden: _again(number, hidden.exc_type)
     sys.excepthook = lambda kind, error, trace: _again(number, kind)

@@ -6,7 +6,14 @@ SHOWN_CHARACTERS = 500
 
 
 class ElfslamError(Exception):
-    """Base of every error that is meant to be read by a user (exit code 2)."""
+    """Base of every error that is meant to be read by a user (exit code 2).
+
+    `argument` names the argument of a call that would help; a command says by which option.
+    """
+
+    def __init__(self, *said: object, argument: str = "") -> None:
+        super().__init__(*said)
+        self.argument = argument
 
     def __str__(self) -> str:
         said = super().__str__()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import resource
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -11,38 +13,48 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from elfslam.app.console import exit_code_of, run_app
-from elfslam.app.memory import refuse_scarce_memory
-from elfslam.base.errors import OccupiedError, StoreError
+from elfslam.base.errors import ElfslamError
 from elfslam.data.atomic_files import place_of, refuse_read
 
 VERBS: Mapping[str, tuple[str, str]] = {
-    "demo": ("demo:demo", "Map ten simulated walks and locate ten others in them."),
+    "demo": ("mapping:demo", "Map ten simulated walks and locate ten others in them."),
     "simulate": ("simulate:simulate_command", "Simulate a walk with a phone, with its truth."),
     "import": ("logs:import_command", "Turn someone else's log into recordings."),
     "phyphox": ("logs:phyphox_command", "Write an experiment for the phyphox app."),
     "marks": ("logs:marks_command", "Give a walk its truth: the marks it stood on."),
-    "map": ("map:map_command", "Map a recording, or a folder of them."),
-    "merge": ("merge:merge_command", "Merge runs into one floor map."),
+    "map": ("mapping:map_command", "Map a recording, or a folder of them."),
+    "merge": ("mapping:merge_command", "Merge runs into one floor map."),
     "superimpose": (
-        "superimpose:superimpose_command",
+        "mapping:superimpose_command",
         "One feature per spot of a merged map, for all headings.",
     ),
     "locate": ("locate:locate_command", "Locate a recording in a map."),
     "score": ("score:score", "Compare runs or fixes with the truth."),
-    "anchor": ("anchor:anchor_command", "Place a map on a floor plan."),
-    "export": ("export:export_command", "Write a run or a map for other programs."),
-    "show": ("show:show", "Draw a run, a map or a world as one file."),
-    "parameters": ("parameters:parameters", "Every parameter, its value, unit and meaning."),
+    "anchor": ("maps:anchor_command", "Place a map on a floor plan."),
+    "export": ("maps:export_command", "Write a run or a map for other programs."),
+    "show": ("maps:show", "Draw a run, a map or a world as one file."),
+    "parameters": ("about:parameters", "Every parameter, its value, unit and meaning."),
     "pretrain": ("training:pretrain_command", "Train an encoder on simulated echoes."),
     "finetune": ("training:finetune_command", "Fine-tune an encoder on one recording."),
-    "card": ("card:card", "What an encoder is, and how to train it again."),
+    "card": ("about:card", "What an encoder is, and how to train it again."),
     "serve": ("server:serve_command", "Run the server and its phone page."),
     "invite": ("server:invite_command", "Let somebody else use the server."),
-    "publish": ("buildings:publish_command", "Let phones find and fetch the map of a floor."),
-    "withdraw": ("buildings:withdraw_command", "Take a published floor back."),
-    "buildings": ("buildings:buildings_command", "List what is published."),
+    "publish": ("server:publish_command", "Let phones find and fetch the map of a floor."),
+    "withdraw": ("server:withdraw_command", "Take a published floor back."),
+    "buildings": ("server:buildings_command", "List what is published."),
 }
 """Where each verb stands in this room, and what it does. Its module is imported when it runs."""
+HINTS = {
+    "by": "elfslam map --by elf",
+    "encoder": "elfslam map --encoder",
+    "minutes": "elfslam phyphox --minutes",
+}
+"""By what an argument is given that would help, where not by an option of the same name."""
+
+LIMITS = {"ulimit -v": resource.RLIMIT_AS, "ulimit -d": resource.RLIMIT_DATA}
+LOADED_BYTES, THREAD_BYTES = 900_000_000, 100_000_000
+"""What the libraries take of addresses, and what their threads add for each core."""
+MOST_THREADS = 64
 
 
 class Verb(TyperCommand):
@@ -55,10 +67,17 @@ class Verb(TyperCommand):
             refuse_read(out, _texts_in(given.values()))
         try:
             return super().invoke(ctx)
-        except OccupiedError as error:
-            if "force" not in given:
-                raise
-            raise StoreError(f"{error}, or replace an older result with --force") from error
+        except ElfslamError as error:
+            if hint := self._hint(error.argument):
+                error.args = (f"{error}{hint}",)
+            raise
+
+    def _hint(self, argument: str) -> str:
+        own = {each.name: each.opts[-1] for each in self.params if each.opts[-1].startswith("--")}
+        if argument == "overwrite":
+            return f", or replace an older result with {own['force']}" if "force" in own else ""
+        found = own.get(argument) or HINTS.get(argument)
+        return f" ({found})" if found else ""
 
 
 def _texts_in(values: Iterable[object]) -> Iterator[str]:
@@ -86,6 +105,21 @@ class Verbs(TyperGroup):
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         with formatter.section("Commands"):
             formatter.write_dl([(name, what) for name, (_, what) in VERBS.items()])
+
+
+def refuse_scarce_memory() -> None:
+    """Raise MemoryError where this process may not have what loading the libraries takes.
+
+    OpenBLAS asks again for ever for the memory that it does not get.
+    """
+    cores = min(len(os.sched_getaffinity(0)), MOST_THREADS)
+    wanted = LOADED_BYTES + THREAD_BYTES * cores
+    for name, limit in LIMITS.items():
+        allowed = resource.getrlimit(limit)[0]
+        if resource.RLIM_INFINITY != allowed < wanted:
+            raise MemoryError(
+                f"got {allowed // 10**6} MB by {name}, wanted {wanted // 10**6} MB for a start"
+            )
 
 
 def verb_of(name: str) -> Callable[..., None]:

@@ -14,14 +14,9 @@ from elfslam.base.enums import Mode, parse_modalities
 from elfslam.base.errors import NoAnswerError
 from elfslam.base.parameters import load
 from elfslam.base.values import FixStatus
-from elfslam.cli.options import (
-    AsJson,
-    Force,
-    ParameterFile,
-    Setting,
-)
+from elfslam.cli.options import AsJson, Force, ParameterFile, Setting
 from elfslam.data.atomic_files import new_file
-from elfslam.data.fixes_files import write_fixes
+from elfslam.data.position_files import write_fixes
 
 
 def locate_command(

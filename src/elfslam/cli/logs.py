@@ -12,30 +12,15 @@ from elfslam.app.console import print_rows, progress_bar, say
 from elfslam.app.settings import Settings
 from elfslam.base.errors import InputError
 from elfslam.base.parameters import load
-from elfslam.cli.options import (
-    AsJson,
-    Force,
-    ParameterFile,
-    Setting,
-    refuse_if_none,
-    say_refused,
-)
+from elfslam.cli.options import AsJson, Force, ParameterFile, Setting, refuse_if_none, say_refused
+from elfslam.data import importing
 from elfslam.data.atomic_files import new_file, refuse_occupied
-from elfslam.data.importing import (
-    LogFormat,
-    Refused,
-    declared_start,
-    read_logs,
-    recognise,
-    takes_many,
-)
-from elfslam.data.marks import read_marks, stood_on
-from elfslam.data.phyphox_experiment import BYTES_PER_SAMPLE, RATE_HZ, phyphox_experiment
+from elfslam.data.phyphox import BYTES_PER_SAMPLE, RATE_HZ, phyphox_experiment
 from elfslam.data.recordings import read_recording, write_recording
-from elfslam.data.truth_files import TRUTH_FILES, WAYPOINTS, write_truth
+from elfslam.data.truth_files import TRUTH_FILES, WAYPOINTS, read_marks, stood_on, write_truth
 
 AUTO = "auto"
-FORMATS = (AUTO, *LogFormat)
+FORMATS = (AUTO, *importing.LogFormat)
 
 
 def import_command(
@@ -55,18 +40,18 @@ def import_command(
 ) -> None:
     """Turn someone else's log into recordings."""
     known = _format_of(log_format, path)
-    if not takes_many(known, path):
+    if not importing.takes_many(known, path):
         refuse_occupied(out, None)
     count = damaged = 0
     refused: dict[str, str] = {}
     with progress_bar() as announce:
-        for item in read_logs(known, path, np.random.default_rng(drift_seed)):
-            if isinstance(item, Refused):
+        for item in importing.read_logs(known, path, np.random.default_rng(drift_seed)):
+            if isinstance(item, importing.Refused):
                 refused[item.name] = item.reason
                 continue
             announce(item.recording.name, None)
-            folder = out / item.recording.name if takes_many(known, path) else out
-            recording = declared_start(item) if declare_start else item.recording
+            folder = out / item.recording.name if importing.takes_many(known, path) else out
+            recording = importing.declared_start(item) if declare_start else item.recording
             write_recording(recording, folder, truth=item.truth)
             for note in recording.notes:
                 say(f"{recording.name}: {note}")
@@ -77,11 +62,10 @@ def import_command(
     say_refused("imported", refused)
 
 
-def _format_of(named: str, path: Path) -> LogFormat:
-    """The format that was named, or that of the log. Raises InputError."""
+def _format_of(named: str, path: Path) -> importing.LogFormat:
     if named not in FORMATS:
         raise InputError(f"format {named!r:.40}: wanted {', '.join(FORMATS)}")
-    found = recognise(path) if named == AUTO else LogFormat(named)
+    found = importing.recognise(path) if named == AUTO else importing.LogFormat(named)
     if found is None:
         raise InputError(f"{path}: is a recording already; elfslam map reads it as it is")
     return found

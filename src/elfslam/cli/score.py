@@ -14,8 +14,8 @@ from elfslam.app.score_many import score_walks
 from elfslam.base.errors import InputError
 from elfslam.cli.options import AsJson, Plan
 from elfslam.data.atomic_files import replaced_file, settled
-from elfslam.data.facts import FACTS, read_facts
-from elfslam.data.fixes_files import read_fixes
+from elfslam.data.map_files import FACTS, read_facts
+from elfslam.data.position_files import read_fixes
 from elfslam.data.runs import read_run
 from elfslam.scoring.errors import alignment_of
 from elfslam.scoring.report import write_report

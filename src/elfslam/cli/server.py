@@ -1,4 +1,4 @@
-"""Verbs of the server: serve, and invite somebody."""
+"""Verbs of the server: serve, invite somebody, and the floors that are published."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from elfslam.app.console import print_line
-from elfslam.app.workers.choosing import check_on
-from elfslam.base.errors import InputError
+from elfslam.app.console import print_line, print_rows, say
+from elfslam.app.workers import check_on
+from elfslam.base.errors import InputError, ParameterError
 from elfslam.cli.options import On
+from elfslam.data.geographic import Origin, parse_origin
 
 if TYPE_CHECKING:
     from elfslam.serve.positions.mqtt_address import Broker
@@ -110,7 +111,6 @@ def invite_command(
 
 
 def _limits(position_days: float) -> Limits:
-    """The limits of the options. Raises InputError."""
     from elfslam.serve.settings import Limits
 
     if not 0 <= position_days <= MOST_DAYS:
@@ -121,7 +121,6 @@ def _limits(position_days: float) -> Limits:
 
 
 def _broker(url: str, credentials: Path | None, authority: Path | None) -> Broker | None:
-    """The broker of the options; None without one. Raises InputError."""
     from elfslam.serve.positions.mqtt import client_of
     from elfslam.serve.positions.mqtt_address import parse_broker
 
@@ -134,3 +133,98 @@ def _broker(url: str, credentials: Path | None, authority: Path | None) -> Broke
     broker = parse_broker(url, credentials, authority)
     client_of(broker)  # what cannot work is said before the server starts
     return broker
+
+
+BuildingName = Annotated[str, typer.Option("--building", help="Its name.")]
+Level = Annotated[int, typer.Option("--floor", help="0 is the ground floor.")]
+
+
+def publish_command(
+    source: Annotated[str, typer.Argument(metavar="MAP", help="Its folder, or its id here.")],
+    building: BuildingName,
+    floor: Level,
+    at: Annotated[str, typer.Option(help="LAT,LON of the middle of the map, degrees.")],
+    altitude: Annotated[float | None, typer.Option(help="Of the floor, m.")] = None,
+    heard: Annotated[
+        list[Path] | None, typer.Option(help="Recording whose Wi-Fi scans were made there.")
+    ] = None,
+    data: DataFolder = DATA_FOLDER,
+    database: Database = "",
+    files: FilesUrl = "",
+) -> None:
+    """Let phones find and fetch the map of a floor; published again it gets a new revision."""
+    from elfslam.serve.buildings.indexes import index_floor
+    from elfslam.serve.buildings.publishing import Spot, publish
+    from elfslam.serve.buildings.sources import floor_of
+    from elfslam.serve.buildings.wifi import WifiFindParameters
+    from elfslam.serve.services import open_services
+    from elfslam.serve.settings import ServerSettings
+    from elfslam.serve.texts import plain_line
+
+    try:
+        name = plain_line(building)
+    except ValueError as error:
+        raise ParameterError(f"--building {building!r:.60}: {error}") from error
+    lies = _place(at)
+    spot = Spot(name, floor, lies.latitude_deg, lies.longitude_deg, altitude)
+    services = open_services(ServerSettings(data.expanduser(), database, files_url=files))
+    new = floor_of(services, source, spot, heard or [], WifiFindParameters())
+    made = publish(services, new)
+    heard_too = ", found by its echoes" if index_floor(services, made.map_id) else ""
+    say(
+        f"{name}, floor {floor}: map {made.map_id}, revision {made.revision}, {made.parts} parts "
+        f"of {made.parts_bytes / 1e6:.2f} MB, {made.points} access points{heard_too}"
+    )
+
+
+def withdraw_command(
+    building: BuildingName,
+    floor: Level,
+    data: DataFolder = DATA_FOLDER,
+    database: Database = "",
+    files: FilesUrl = "",
+) -> None:
+    """Take a floor back: no phone finds or fetches it any more."""
+    from elfslam.serve.buildings.publishing import withdraw
+    from elfslam.serve.services import open_services
+    from elfslam.serve.settings import ServerSettings
+
+    settings = ServerSettings(data.expanduser(), database, files_url=files)
+    withdraw(open_services(settings), building, floor)
+    say(f"{building}, floor {floor}: withdrawn")
+
+
+def buildings_command(
+    sweep: Annotated[
+        bool, typer.Option("--sweep", help="Delete files that no floor names.")
+    ] = False,
+    index: Annotated[
+        bool, typer.Option("--index", help="Build the index that finds floors by echoes.")
+    ] = False,
+    data: DataFolder = DATA_FOLDER,
+    database: Database = "",
+    files: FilesUrl = "",
+) -> None:
+    """List what is published."""
+    from elfslam.serve.buildings import publishing
+    from elfslam.serve.buildings.indexes import index_floors
+    from elfslam.serve.buildings.listing import published_rows
+    from elfslam.serve.nearest import NearestParameters
+    from elfslam.serve.services import open_services
+    from elfslam.serve.settings import ServerSettings
+
+    services = open_services(ServerSettings(data.expanduser(), database, files_url=files))
+    print_rows(published_rows(services), title="Published floors", as_json=False)
+    if index:
+        floors, spots = index_floors(services, NearestParameters())
+        say(f"indexed {spots} spots of {floors} floors")
+    if sweep:
+        say(f"swept {publishing.sweep(services)} files")
+
+
+def _place(text: str) -> Origin:
+    try:
+        return parse_origin(text)
+    except ParameterError as error:
+        said = str(error).removeprefix("origin ").replace("[,BEARING_DEG]", "")
+        raise ParameterError(said, argument="at") from error

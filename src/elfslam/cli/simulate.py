@@ -8,8 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from elfslam.app.compiling import compilation_announced
-from elfslam.app.console import progress_bar, say
+from elfslam.app.console import compilation_announced, progress_bar, say
 from elfslam.cli.options import Seed
 from elfslam.data.atomic_files import refuse_occupied
 from elfslam.data.recordings import write_recording

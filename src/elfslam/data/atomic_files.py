@@ -134,7 +134,9 @@ def refuse_occupied(folder: Path, replaces: str | None) -> None:
     if _is_free(settled(folder)):
         return
     if replaces is None:
-        raise OccupiedError(f"{folder}: already exists; choose another folder or delete it")
+        raise OccupiedError(
+            f"{folder}: already exists; choose another folder or delete it", argument="overwrite"
+        )
     if not (folder / replaces).is_file():
         raise StoreError(f"{folder}: holds no {replaces}, so it is kept; choose another folder")
 
@@ -160,11 +162,12 @@ def _refuse_file(file: Path, reads: Iterable[Path | str], *, overwrite: bool) ->
     if owner:
         raise StoreError(f"{file}: belongs to {owner}; choose another place")
     if not overwrite:
-        raise OccupiedError(f"{file}: already exists; choose another name or delete it")
+        raise OccupiedError(
+            f"{file}: already exists; choose another name or delete it", argument="overwrite"
+        )
 
 
 def _marker_in(folder: Path) -> str:
-    """The name of the file that says whose folder this is; empty without any."""
     return next((name for name in MARKERS if (folder / name).exists()), "")
 
 
@@ -229,7 +232,6 @@ def _locked(path: Path) -> Iterator[None]:
 
 
 def _lock(lock: Path) -> int:
-    """The descriptor that holds the lock."""
     while True:
         descriptor = os.open(lock, os.O_RDWR | os.O_CREAT, 0o666)
         try:
@@ -290,7 +292,6 @@ def _remove(path: Path) -> None:
 
 
 def _sync_all(folder: Path) -> None:
-    """Have everything in a folder last through a power cut."""
     for place, _, names in os.walk(folder):
         for path in [*(Path(place, name) for name in names), Path(place)]:
             sync(path)

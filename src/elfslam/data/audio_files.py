@@ -15,8 +15,7 @@ from elfslam.base.arrays import F32
 from elfslam.base.bounds import check_claim
 from elfslam.base.errors import InputError
 from elfslam.base.values import Audio
-from elfslam.data.baseband import from_baseband
-from elfslam.data.baseband_files import IQ, SPARSEST_FRAMES, read_baseband
+from elfslam.data.baseband import IQ, SPARSEST_FRAMES, from_baseband, read_baseband
 from elfslam.data.tables import read_timed_table
 from elfslam.stages.chirp import ACCEPTED_RATES_HZ
 from elfslam.stages.echo import resampled

@@ -42,8 +42,9 @@ def parse_origin(text: str) -> Origin:
         good = False
     if not good:
         raise ParameterError(
-            f"--origin {text!r}: wanted LAT,LON[,BEARING_DEG], latitude within "
-            f"{HIGHEST_DEG:g} and longitude within 180 degrees; such as 47.3769,8.5417,90"
+            f"origin {text!r}: wanted LAT,LON[,BEARING_DEG], latitude within "
+            f"{HIGHEST_DEG:g} and longitude within 180 degrees; such as 47.3769,8.5417,90",
+            argument="origin",
         )
     return Origin(*numbers)
 

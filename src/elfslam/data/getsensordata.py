@@ -27,33 +27,17 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_bytes
 from elfslam.base.values import Imu, Magnetometer, Orientation, Recording, Truth, WifiScans
+from elfslam.data import log_files, sensor_files
 from elfslam.data.geographic import HIGHEST_DEG, Origin, from_lon_lat
-from elfslam.data.log_files import Imported
-from elfslam.data.sensor_files import (
-    LARGEST_ACCEL_MPS2,
-    LARGEST_FIELD_UT,
-    LARGEST_TURN_RADPS,
-    imu_on_accelerometer_clock,
-)
-from elfslam.data.streams import (
-    Clock,
-    Stream,
-    attitude_that_agrees,
-    clock_of,
-    ordered,
-    rising,
-    with_gravity,
-)
 from elfslam.data.tables import in_order, lines_of, number_in
-from elfslam.data.wifi_table import scans_from_rows
 
 PLACES = "POSI"
 KIND = re.compile(r"[A-Z][A-Z0-9]{3}")
 ADDRESS = re.compile(r"[0-9a-fA-F]{2}([:-][0-9a-fA-F]{2}){5}")
 LARGEST = {
-    "ACCE": LARGEST_ACCEL_MPS2,
-    "GYRO": LARGEST_TURN_RADPS,
-    "MAGN": LARGEST_FIELD_UT,
+    "ACCE": sensor_files.LARGEST_ACCEL_MPS2,
+    "GYRO": sensor_files.LARGEST_TURN_RADPS,
+    "MAGN": sensor_files.LARGEST_FIELD_UT,
     "AHRS": 1.01,
     "WIFI": 200.0,
     PLACES: 360.0,
@@ -76,7 +60,7 @@ class Records:
     damaged: int
 
 
-def read_getsensordata(path: Path) -> Imported:
+def read_getsensordata(path: Path) -> log_files.Imported:
     """The walk in a log; t = 0 is its first acceleration, x east and y north of the first landmark.
 
     Landmarks on another floor than most are left out: the line knows one plane. Raises
@@ -91,16 +75,18 @@ def read_getsensordata(path: Path) -> Imported:
             "accelerometer and gyroscope"
         )
     tables = {kind: np.array(rows, dtype=np.float64) for kind, rows in records.rows.items() if rows}
-    clock = clock_of(str(path), tables["ACCE"][:, 0])
-    kept = {kind: ordered(table[:, 0], table[:, 1:], clock) for kind, table in tables.items()}
+    clock = log_files.clock_of(str(path), tables["ACCE"][:, 0])
+    kept = {
+        kind: log_files.ordered(table[:, 0], table[:, 1:], clock) for kind, table in tables.items()
+    }
     start_s = kept["ACCE"][0][0][0]
     streams = {
         kind: _on_sensor_clock(t_s - start_s, values)
         for kind, ((t_s, values), _) in kept.items()
         if kind != PLACES
     }
-    accel = with_gravity([streams["ACCE"]])
-    imu = imu_on_accelerometer_clock(str(path), *accel, *streams["GYRO"])
+    accel = log_files.with_gravity([streams["ACCE"]])
+    imu = sensor_files.imu_on_accelerometer_clock(str(path), *accel, *streams["GYRO"])
     recording = Recording(
         name=path.stem,
         device=_device(lines),
@@ -112,7 +98,7 @@ def read_getsensordata(path: Path) -> Imported:
     )
     truth = _truth(*kept[PLACES][0], start_s) if PLACES in kept else None
     damaged = records.damaged + sum(left_out for _, left_out in kept.values())
-    return Imported(recording, truth, damaged)
+    return log_files.Imported(recording, truth, damaged)
 
 
 def is_getsensordata(lines: Sequence[str]) -> bool:
@@ -182,37 +168,36 @@ def _time(t_s: float) -> float:
     return t_s
 
 
-def _on_sensor_clock(t_s: F64, values: F64) -> Stream:
+def _on_sensor_clock(t_s: F64, values: F64) -> log_files.Stream:
     """Rows (app's time, sensor's time and values) at the sensor's times, moved onto the app's."""
     ahead_s = t_s - values[:, 0]
     moved_s = np.median(ahead_s)
     alike = np.quantile(np.abs(ahead_s - moved_s), 0.95) < MOST_APART_S
     measured_s = values[:, 0] + moved_s if alike else t_s
     kept = in_order(measured_s)
-    return rising(measured_s[kept], values[kept, 1:])
+    return log_files.rising(measured_s[kept], values[kept, 1:])
 
 
 def _orientation(t_s: F64, xyz: F64, imu: Imu) -> Orientation | None:
     w = np.sqrt(np.maximum(0, 1 - (xyz**2).sum(axis=1)))
-    return attitude_that_agrees(t_s, [np.column_stack([xyz, w])], imu)
+    return log_files.attitude_that_agrees(t_s, [np.column_stack([xyz, w])], imu)
 
 
 def _wifi(
-    path: Path, seen: Sequence[tuple[float, str, float]], start_s: float, clock: Clock
+    path: Path, seen: Sequence[tuple[float, str, float]], start_s: float, clock: log_files.Clock
 ) -> WifiScans | None:
     if not seen:
         return None
     t_s, addresses, rssi_dbm = zip(*seen, strict=True)
     since_s = clock.running(np.array(t_s)) - start_s
-    return scans_from_rows(path, since_s, addresses, rssi_dbm, [math.nan] * len(seen))
+    return sensor_files.scans_from_rows(path, since_s, addresses, rssi_dbm, [math.nan] * len(seen))
 
 
 def _truth(t_s: F64, places: F64, start_s: float) -> Truth:
-    """Landmarks (latitude, longitude, floor, building) of the floor that has most of them."""
     floors = Counter(tuple(row) for row in places[:, 2:])
     [(floor, _)] = floors.most_common(1)
     there = (places[:, 2:] == floor).all(axis=1)
-    t_s, degrees = rising(t_s[there] - start_s, places[there, :2])
+    t_s, degrees = log_files.rising(t_s[there] - start_s, places[there, :2])
     origin = Origin(*(float(number) for number in degrees[0]))
     xy_m = from_lon_lat(origin, degrees[:, ::-1])
     return Truth(t_s, np.column_stack([xy_m, np.full(len(t_s), np.nan)]))

@@ -8,12 +8,14 @@ convex hull of the walked ground with a margin.
 from __future__ import annotations
 
 import json
+import re
 import uuid
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,12 +24,57 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.grid import Polygon, in_polygon, outlines, walked_grid
 from elfslam.base.points_of_interest import PointKind, PointOfInterest
-from elfslam.base.text_files import parse_json, read_toml
-from elfslam.base.zips import opened_zip
+from elfslam.base.text_files import read_toml
 from elfslam.data.geographic import Origin
-from elfslam.data.geojson_files import feature, point_of, polygon_of
-from elfslam.data.imdf_rules import MANIFEST, PROPERTIES, VERSION, Archive, Json, faults_of
+from elfslam.data.map_exports import feature, point_of, polygon_of
 
+MANIFEST, VERSION = "manifest", "1.0.0"
+VENUES = (
+    "airport", "airport.intl", "aquarium", "businesscampus", "casino", "communitycenter",
+    "conventioncenter", "governmentfacility", "healthcarefacility", "hotel", "museum",
+    "parkingfacility", "resort", "retailstore", "shoppingcenter", "stadium", "stripmall",
+    "theater", "themepark", "trainstation", "transitstation", "university",
+)  # fmt: skip
+"""Categories of a venue."""
+PROPERTIES = {
+    "address": (
+        "address", "unit", "locality", "province", "country", "postal_code", "postal_code_ext",
+        "postal_code_vanity",
+    ),
+    "venue": (
+        "category", "restriction", "name", "alt_name", "hours", "phone", "website",
+        "display_point", "address_id",
+    ),
+    "building": (
+        "category", "restriction", "name", "alt_name", "display_point", "address_id",
+    ),
+    "footprint": ("category", "name", "building_ids"),
+    "level": (
+        "category", "restriction", "outdoor", "ordinal", "name", "short_name", "display_point",
+        "address_id", "building_ids",
+    ),
+    "unit": (
+        "category", "restriction", "accessibility", "name", "alt_name", "level_id",
+        "display_point",
+    ),
+    "amenity": (
+        "category", "accessibility", "name", "alt_name", "hours", "phone", "website", "unit_ids",
+        "address_id", "correlation_id",
+    ),
+}  # fmt: skip
+"""All that a feature of each kind must state, be it null."""
+TEXT, LANGUAGE = r"(?s).*\S.*", r"[A-Za-z]{2,3}(-[A-Za-z0-9]{2,8})*"
+ADDRESS = {
+    "address": TEXT,
+    "locality": TEXT,
+    "province": r"[A-Z]{2}-[A-Z0-9]{1,3}",
+    "country": r"[A-Z]{2}",
+    "postal_code": TEXT,
+}
+"""What an address may say: ISO 3166 codes of the country and its part."""
+Json = dict[str, Any]
+Archive = Mapping[str, Json]
+"""What each file of an archive holds, by its name without the ending."""
 CELL_M = 0.1
 REACH_M = 0.35
 """Ground counts as walked this far from the middle of a person."""
@@ -91,14 +138,16 @@ def write_imdf(
     created: datetime,
     points_of_interest: Sequence[PointOfInterest] = (),
 ) -> None:
-    """The archive of a map whose walks are lines (each n, 2), checked before it is written.
+    """The archive of a map whose walks are lines (each n, 2).
 
     Raises InputError where what the place says breaks a rule of the standard.
     """
+    for fault in _faults_of(place):
+        raise InputError(f"venue: would make no valid IMDF: {fault}; correct the file about it")
     archive = imdf_archive(lines_m, place, origin, created, points_of_interest)
-    faults = faults_of(archive)
-    if faults:
-        raise InputError(f"venue: would make no valid IMDF: {faults[0]}; correct the file about it")
+    [ring] = archive["venue"]["features"][0]["geometry"]["coordinates"]
+    if np.ptp(np.array(ring)[:, 0]) > 180:
+        raise InputError("venue: lies across longitude 180, which IMDF has no rings for; move it")
     with zipfile.ZipFile(file, "w") as packed:
         for name, content in archive.items():
             entry = zipfile.ZipInfo(_file_name(name), LONG_AGO)
@@ -106,13 +155,21 @@ def write_imdf(
             packed.writestr(entry, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
 
 
-def read_imdf(file: Path) -> dict[str, Json]:
-    """What each file of an archive holds, by its name without the ending. Raises InputError."""
-    with opened_zip(file) as packed:
-        return {
-            name.stem: parse_json(packed.text(entry), f"{file}/{name}")
-            for name, entry in packed.entries.items()
-        }
+def _faults_of(place: Venue) -> Iterator[str]:
+    """What is told and breaks a rule of the standard; the rest is made to keep them."""
+    if not re.fullmatch(LANGUAGE, place.language):
+        yield f"manifest: language is {place.language!r}, wanted a tag such as 'en'"
+    for name, allowed in ADDRESS.items():
+        value = getattr(place, name)
+        if value is not None and not re.fullmatch(allowed, value):
+            yield f"address: property {name} cannot be {value!r}"
+    if place.category not in VENUES:
+        yield f"venue: category {place.category!r} is none of {', '.join(VENUES)}"
+    labels = {("venue", "name"): place.name, ("level", "name"): place.level}
+    labels["level", "short_name"] = place.level_short_name or place.level
+    for (kind, name), label in labels.items():
+        if not label.strip():
+            yield f"{kind}: property {name} cannot be {_labels(place, label)!r}"
 
 
 def imdf_archive(
@@ -171,7 +228,6 @@ def _feature(place: Venue, kind: str, geometry: Json | None, told: Json, count: 
 
 
 def _nothing(kind: str) -> Json:
-    """Every property of a kind, none of them told."""
     return dict.fromkeys(PROPERTIES[kind])
 
 
@@ -251,7 +307,6 @@ def _inner_point(polygon: Polygon) -> F64:
 
 
 def _hull(points: F64, margin_m: float) -> F64:
-    """The convex hull of points and a margin about them, counter-clockwise."""
     turns = np.arange(8) * np.pi / 4
     around = margin_m * np.column_stack([np.cos(turns), np.sin(turns)])
     spread = np.unique((points[:, None, :] + around).reshape(-1, 2), axis=0)

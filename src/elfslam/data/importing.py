@@ -20,25 +20,15 @@ from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_bytes
 from elfslam.base.values import Recording
 from elfslam.base.zips import Zip, opened_zip
+from elfslam.data import log_files
 from elfslam.data.getsensordata import is_getsensordata, read_getsensordata
-from elfslam.data.log_files import (
-    XZ_START,
-    ZIP_START,
-    Imported,
-    files_in,
-    is_clutter,
-    is_zip,
-    starts_with,
-)
-from elfslam.data.magnetic import SHAPES, read_magnetic
+from elfslam.data.magnetic import MAT_START, SHAPES, names_in_mat, read_magnetic
 from elfslam.data.mall import is_walk, read_walk, walks_in
-from elfslam.data.mat_files import MAT_START, names_in_mat
 from elfslam.data.phyphox import is_phyphox, read_phyphox
 from elfslam.data.recordings import MANIFEST
 from elfslam.data.ronin import is_ronin, read_ronin
 from elfslam.data.sensorlogger import is_sensorlogger, read_sensorlogger
 from elfslam.data.tables import separator_of
-from elfslam.data.tars import texts_in
 
 HEAD_BYTES = 2**16
 MOST_FILES, MOST_TEXTS, MOST_LINES = 10_000, 5, 1000
@@ -96,7 +86,7 @@ class LogReader:
     title: str
     ending: str
     is_mine: Callable[[LogFile], bool]
-    read: Callable[[Path, np.random.Generator], Imported]
+    read: Callable[[Path, np.random.Generator], log_files.Imported]
     walks: Callable[[Path], Iterator[Path]] | None = None
     plays_chirps: bool = False
 
@@ -113,8 +103,8 @@ FORMATS: Mapping[LogFormat, LogReader] = {
         "a magnetic walk",
         ".mat",
         lambda file: file.is_magnetic,
-        lambda path, generator: Imported(*read_magnetic(path, generator)),
-        walks=partial(files_in, ending=".mat"),
+        lambda path, generator: log_files.Imported(*read_magnetic(path, generator)),
+        walks=partial(log_files.files_in, ending=".mat"),
     ),
     LogFormat.SENSORLOGGER: LogReader(
         "a recording of Sensor Logger",
@@ -134,7 +124,7 @@ FORMATS: Mapping[LogFormat, LogReader] = {
         ".txt",
         lambda file: is_getsensordata(file.lines),
         lambda path, _: read_getsensordata(path),
-        walks=partial(files_in, ending=".txt"),
+        walks=partial(log_files.files_in, ending=".txt"),
     ),
     LogFormat.RONIN: LogReader(
         "a log of RoNIN",
@@ -174,7 +164,7 @@ class Refused:
     reason: str
 
 
-def declared_start(item: Imported) -> Recording:
+def declared_start(item: log_files.Imported) -> Recording:
     """The recording that begins where its first waypoint says, as who walked it would declare.
 
     It leaves the heading open. Raises InputError where there is no waypoint.
@@ -187,7 +177,7 @@ def declared_start(item: Imported) -> Recording:
 
 def read_logs(
     log_format: LogFormat, path: Path, generator: np.random.Generator
-) -> Iterator[Imported | Refused]:
+) -> Iterator[log_files.Imported | Refused]:
     """Every recording at `path`; `generator` drifts odometry that would else be the truth.
 
     Raises InputError where `path` itself is no log of that format, or a broken archive.
@@ -211,7 +201,7 @@ def takes_many(log_format: LogFormat, path: Path) -> bool:
     """Whether there may be several recordings of this format at `path`."""
     if log_format is LogFormat.MALL:
         return True
-    return FORMATS[log_format].walks is not None and (path.is_dir() or is_zip(path))
+    return FORMATS[log_format].walks is not None and (path.is_dir() or log_files.is_zip(path))
 
 
 def recognise(path: Path) -> LogFormat | None:
@@ -221,7 +211,9 @@ def recognise(path: Path) -> LogFormat | None:
     """
     if not path.exists():
         raise InputError(f"{path}: does not exist; wanted a log, check the path")
-    alone = not path.is_dir() and not _head(path).startswith((ZIP_START, XZ_START))
+    alone = not path.is_dir() and not _head(path).startswith(
+        (log_files.ZIP_START, log_files.XZ_START)
+    )
     names: list[PurePosixPath] = []
     signs: dict[LogFormat | None, PurePosixPath] = {}
     for file in _files_of(path):
@@ -262,16 +254,15 @@ def _head(path: Path) -> bytes:
 
 
 def _files_of(path: Path) -> Iterator[LogFile]:
-    """The files at a path, those of archives too. Raises InputError."""
     if path.is_dir():
         inside = (file for file in sorted(path.rglob("*")) if file.is_file())
         for file in islice(inside, MOST_FILES):
             name = PurePosixPath(file.relative_to(path))
-            if not is_clutter(name):
+            if not log_files.is_clutter(name):
                 yield from _texts(file) if name.name.endswith(".tar.xz") else [_file(name, file)]
-    elif starts_with(path, ZIP_START):
+    elif log_files.starts_with(path, log_files.ZIP_START):
         yield from _entries(path)
-    elif starts_with(path, XZ_START):
+    elif log_files.starts_with(path, log_files.XZ_START):
         yield from _texts(path)
     else:
         yield _file(PurePosixPath(path.name), path)
@@ -282,18 +273,16 @@ def _file(name: PurePosixPath, file: Path) -> LogFile:
 
 
 def _texts(path: Path) -> Iterator[LogFile]:
-    """The first texts of an archive; only the mall data set comes as one."""
-    for name, text in islice(texts_in(path), MOST_TEXTS):
+    for name, text in islice(log_files.texts_in(path), MOST_TEXTS):
         yield LogFile(
             PurePosixPath(name), path, partial(bytes, text[:HEAD_BYTES]), partial(bytes, text)
         )
 
 
 def _entries(path: Path) -> Iterator[LogFile]:
-    """The files of a .zip."""
     with opened_zip(path) as packed:
         for name, entry in packed.entries.items():
-            if not is_clutter(name):
+            if not log_files.is_clutter(name):
                 start = partial(packed.start, entry, HEAD_BYTES)
                 yield LogFile(name, path, start, partial(_all_of, packed, entry))
 
@@ -303,7 +292,6 @@ def _all_of(packed: Zip, entry: ZipInfo) -> bytes:
 
 
 def _said_of(head: bytes) -> str:
-    """What a file is that is no log."""
     for start, what in OTHERS.items():
         if head.startswith(start):
             return f"is {what}"
@@ -318,7 +306,6 @@ def _said_of(head: bytes) -> str:
 
 
 def _said_of_names(names: Sequence[PurePosixPath]) -> str:
-    """What files are that make up no log."""
     shown = [str(name) for name in names]
     if any(name.startswith("xl/") for name in shown):
         return "is an Excel file (export as CSV, with any separator)"

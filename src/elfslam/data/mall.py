@@ -20,26 +20,15 @@ from elfslam.base.arrays import F64, I64
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_bytes
 from elfslam.base.values import Magnetometer, Orientation, Recording, Truth, WifiScans
-from elfslam.data.log_files import XZ_START, Imported, files_in, starts_with
-from elfslam.data.sensor_files import (
-    LARGEST_ACCEL_MPS2,
-    LARGEST_FIELD_UT,
-    LARGEST_TURN_RADPS,
-    imu_on_accelerometer_clock,
-)
-from elfslam.data.streams import Clock, Stream, clock_of, rising
+from elfslam.data import log_files, sensor_files
 from elfslam.data.tables import in_order, lines_of
-from elfslam.data.tars import check_archive, texts_in
-from elfslam.data.wifi_table import scans_from_rows
 
 RECORD_START = re.compile(r"(?=\d{13}\tTYPE_)")
 VECTORS = ("TYPE_ACCELEROMETER", "TYPE_GYROSCOPE", "TYPE_MAGNETIC_FIELD", "TYPE_ROTATION_VECTOR")
 WAYPOINT, WIFI = "TYPE_WAYPOINT", "TYPE_WIFI"
 FIELDS = {**dict.fromkeys(VECTORS, 6), WAYPOINT: 4, WIFI: 7}
 """Fields of a whole record, time and type included; vectors end in an accuracy."""
-LARGEST = dict(
-    zip(VECTORS, (LARGEST_ACCEL_MPS2, LARGEST_TURN_RADPS, LARGEST_FIELD_UT, 1.01), strict=True)
-)
+LARGEST = dict(zip(VECTORS, (*sensor_files.LARGEST_OF_MOTION, 1.01), strict=True))
 LARGEST |= {WAYPOINT: 1e6, WIFI: 200.0}
 """No whole record has a larger value: m/s2, rad/s, microtesla, 1, m, dBm."""
 SHORTEST = 3
@@ -54,7 +43,7 @@ WifiRow = tuple[float, str, float, float]
 """t_s, bssid, rssi_dbm, age_s."""
 
 
-def read_walk(path: Path) -> Imported:
+def read_walk(path: Path) -> log_files.Imported:
     """The walk in a .txt file; t = 0 is its startTime, or the first record where that is absent.
 
     The gyroscope is moved to the accelerometer's times; of records with the same time the first
@@ -69,20 +58,20 @@ def read_walk(path: Path) -> Imported:
     absent = [kind for kind in VECTORS[:2] if len(records[kind]) < 2]
     if absent:
         raise InputError(f"{path}: has no {absent[0]} records; wanted a walk of the mall data set")
-    clock = clock_of(str(path), np.array([row[0] for _, row in records[VECTORS[0]]]))
+    clock = log_files.clock_of(str(path), np.array([row[0] for _, row in records[VECTORS[0]]]))
     streams = {kind: _stream(rows, clock, damaged) for kind, rows in records.items() if rows}
     motion = (*streams[VECTORS[0]], *streams[VECTORS[1]])
     field, attitude, places = (streams.get(kind) for kind in (*VECTORS[2:], WAYPOINT))
     recording = Recording(
         name=path.stem.strip(".") or "walk",
         device=_device(header),
-        imu=imu_on_accelerometer_clock(str(path), *motion),
+        imu=sensor_files.imu_on_accelerometer_clock(str(path), *motion),
         orientation=_orientation(*attitude) if attitude else None,
         magnetometer=Magnetometer(*field) if field else None,
         wifi=_wifi(path, wifi_rows, clock, damaged) if wifi_rows else None,
         notes=clock.notes,
     )
-    return Imported(recording, _truth(*places) if places else None, len(damaged))
+    return log_files.Imported(recording, _truth(*places) if places else None, len(damaged))
 
 
 def is_walk(lines: Sequence[str]) -> bool:
@@ -104,22 +93,22 @@ def walks_in(path: Path) -> Iterator[Path]:
         if not files and not archives:
             raise InputError(f"{path}: holds no walk; wanted .txt files or .tar.xz archives")
         for archive in archives:
-            check_archive(archive)
+            log_files.check_archive(archive)
         yield from files
         for archive in archives:
             yield from _walks_in_archive(archive)
     elif not path.is_file():
         raise InputError(f"{path}: does not exist; wanted a walk, a folder or a .tar.xz archive")
-    elif path.name.endswith(".tar.xz") or starts_with(path, XZ_START):
-        check_archive(path)
+    elif path.name.endswith(".tar.xz") or log_files.starts_with(path, log_files.XZ_START):
+        log_files.check_archive(path)
         yield from _walks_in_archive(path)
     else:
-        yield from files_in(path, ".txt")
+        yield from log_files.files_in(path, ".txt")
 
 
 def _walks_in_archive(path: Path) -> Iterator[Path]:
     with tempfile.TemporaryDirectory() as folder:
-        for name, content in texts_in(path):
+        for name, content in log_files.texts_in(path):
             file = Path(folder) / name
             file.write_bytes(content)
             yield file
@@ -157,7 +146,7 @@ def _sort_records(
 
 
 def _kept(
-    numbered: Sequence[tuple[int, Row | WifiRow]], clock: Clock, damaged: set[int]
+    numbered: Sequence[tuple[int, Row | WifiRow]], clock: log_files.Clock, damaged: set[int]
 ) -> tuple[F64, I64]:
     """Times on that clock and indices of the rows in order; other lines are added to `damaged`."""
     t_s = clock.running(np.array([row[0] for _, row in numbered], dtype=np.float64))
@@ -166,10 +155,11 @@ def _kept(
     return t_s[kept], np.flatnonzero(kept)
 
 
-def _stream(numbered: Sequence[tuple[int, Row]], clock: Clock, damaged: set[int]) -> Stream:
-    """Times and values; of rows with one time the first counts."""
+def _stream(
+    numbered: Sequence[tuple[int, Row]], clock: log_files.Clock, damaged: set[int]
+) -> log_files.Stream:
     t_s, kept = _kept(numbered, clock, damaged)
-    return rising(t_s, np.array([numbered[k][1][1:] for k in kept]))
+    return log_files.rising(t_s, np.array([numbered[k][1][1:] for k in kept]))
 
 
 def _pieces(line: str) -> list[str]:
@@ -227,11 +217,11 @@ def _orientation(t_s: F64, xyz: F64) -> Orientation:
 
 
 def _wifi(
-    path: Path, numbered: Sequence[tuple[int, WifiRow]], clock: Clock, damaged: set[int]
+    path: Path, numbered: Sequence[tuple[int, WifiRow]], clock: log_files.Clock, damaged: set[int]
 ) -> WifiScans:
     t_s, kept = _kept(numbered, clock, damaged)
     _, bssids, rssi_dbm, age_s = zip(*(numbered[k][1] for k in kept), strict=True)
-    return scans_from_rows(path, t_s, bssids, rssi_dbm, age_s)
+    return sensor_files.scans_from_rows(path, t_s, bssids, rssi_dbm, age_s)
 
 
 def _truth(t_s: F64, xy_m: F64) -> Truth:

@@ -57,7 +57,6 @@ def read_npz(file: Path, names: Sequence[str]) -> dict[str, npt.NDArray[Any]]:
 
 
 def _array(name: str, content: bytearray) -> npt.NDArray[Any]:
-    """The array in a .npy, in the memory of its content. Raises InputError."""
     begins = START_BYTES.get(bytes(content[:8]), 0)
     told = HEADER.fullmatch(content, begins, begins + _header_bytes(content, begins))
     if told is None:

@@ -14,29 +14,126 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 
 from elfslam.base.arrays import F64
-from elfslam.base.errors import InputError
+from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.values import Audio, Imu, Magnetometer, Orientation, Recording
-from elfslam.data.log_files import Imported, log_folder, name_of, one_of_each
-from elfslam.data.phyphox_experiment import QUATERNION_COLUMNS, RATE_COLUMN, SOUND_COLUMN
-from elfslam.data.sensor_files import (
-    LARGEST_ACCEL_MPS2,
-    LARGEST_FIELD_UT,
-    LARGEST_TURN_RADPS,
-    imu_on_accelerometer_clock,
-)
-from elfslam.data.streams import (
-    Stream,
-    attitude_that_agrees,
-    clock_of,
-    on_one_clock,
-    with_gravity,
-)
+from elfslam.data import log_files, sensor_files
 from elfslam.data.tables import cells_of, parse_rows, read_csv, read_lines, separator_of
-from elfslam.stages.chirp import ACCEPTED_RATES_HZ
+from elfslam.stages.chirp import ACCEPTED_RATES_HZ, ChirpParameters, make_chirp
+
+FORMAT_VERSION = "1.16"
+"""The first that can append sound; phyphox 1.1.12."""
+RATE_HZ = 48_000
+ANALYSIS_SLEEP_S = 1.0
+"""Older apps begin the loop anew each time they analyse, so that is done seldom."""
+BYTES_PER_SAMPLE = 40
+"""Of a buffer on Android: a linked list of boxed doubles."""
+SOUND_COLUMN = "Sound"
+RATE_COLUMN = "Sound rate (Hz)"
+QUATERNION_COLUMNS = ("Attitude time (s)", "Attitude x", "Attitude y", "Attitude z", "Attitude w")
+RECORDED = {
+    "accelerometer": ("Accelerometer", "Acceleration", "m/s^2"),
+    "gyroscope": ("Gyroscope", "Gyroscope", "rad/s"),
+    "magnetic_field": ("Magnetometer", "Magnetic field", "µT"),
+}
+"""By the app's name: the set in which it is exported, its columns, their unit."""
+OPTIONAL = ("magnetic_field", "attitude")
+DESCRIPTION = """Record a walk for elfslam: chirps, echoes and motion.
+Turn the media volume up, take off Bluetooth headsets, press play, walk, press pause.
+Export as CSV and import it with: elfslam import phyphox FILE.zip OUT"""
+
+
+def phyphox_experiment(parameters: ChirpParameters, minutes: float) -> bytes:
+    """The experiment's XML; its sound buffer holds `minutes`. Raises ParameterError."""
+    root = ElementTree.Element("phyphox", version=FORMAT_VERSION)
+    for tag, text in (("title", "elfslam"), ("category", "elfslam"), ("description", DESCRIPTION)):
+        ElementTree.SubElement(root, tag).text = text
+    ElementTree.SubElement(root, "icon", format="string").text = "elf"
+    _containers(root, _period(parameters), round(minutes * 60 * RATE_HZ))
+    _input(ElementTree.SubElement(root, "input"))
+    output = ElementTree.SubElement(root, "output")
+    speaker = ElementTree.SubElement(output, "audio", rate=str(RATE_HZ), loop="true")
+    ElementTree.SubElement(speaker, "input").text = "chirp"
+    ElementTree.SubElement(root, "analysis", sleep=f"{ANALYSIS_SLEEP_S:g}")
+    _views(ElementTree.SubElement(root, "views"), minutes)
+    _export(ElementTree.SubElement(root, "export"))
+    ElementTree.indent(root)
+    return bytes(ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
+
+
+def _period(parameters: ChirpParameters) -> str:
+    chirp = make_chirp(parameters, RATE_HZ)
+    count = parameters.period_s * RATE_HZ
+    if abs(count - round(count)) > 1e-6:
+        raise ParameterError(
+            f"chirp.period_s: {parameters.period_s:g} s is {count:g} samples at {RATE_HZ} Hz, "
+            "wanted a whole number; set 0.1"
+        )
+    samples = np.zeros(round(count))
+    samples[: len(chirp.samples)] = chirp.samples
+    return ",".join(f"{sample:.9g}" for sample in samples)
+
+
+def _containers(root: ElementTree.Element, period: str, sound_samples: int) -> None:
+    containers = ElementTree.SubElement(root, "data-containers")
+
+    def add(name: str, size: int, init: dict[str, str] | None = None) -> None:
+        attributes = {"size": str(size), **(init or {})}
+        ElementTree.SubElement(containers, "container", attributes).text = name
+
+    add("chirp", period.count(",") + 1, {"init": period})
+    add("sound", sound_samples)
+    add("rate", 1)
+    for sensor in (*RECORDED, "attitude"):
+        for component in _components(sensor):
+            add(f"{sensor}_{component}", 0)
+
+
+def _components(sensor: str) -> tuple[str, ...]:
+    return ("t", "x", "y", "z", "abs") if sensor == "attitude" else ("t", "x", "y", "z")
+
+
+def _input(given: ElementTree.Element) -> None:
+    for sensor in (*RECORDED, "attitude"):
+        attributes = {"type": sensor}
+        if sensor in OPTIONAL:
+            attributes["ignoreUnavailable"] = "true"
+        element = ElementTree.SubElement(given, "sensor", attributes)
+        for component in _components(sensor):
+            output = ElementTree.SubElement(element, "output", component=component)
+            output.text = f"{sensor}_{component}"
+    microphone = ElementTree.SubElement(given, "audio", rate=str(RATE_HZ), append="true")
+    ElementTree.SubElement(microphone, "output").text = "sound"
+    ElementTree.SubElement(microphone, "output", component="rate").text = "rate"
+
+
+def _views(views: ElementTree.Element, minutes: float) -> None:
+    view = ElementTree.SubElement(views, "view", label="Walk")
+    longest = f"Walk at most {minutes:g} minutes, then pause and export as CSV."
+    ElementTree.SubElement(view, "info", label=longest)
+    value = ElementTree.SubElement(view, "value", label="Recorded", precision="0", unit="s")
+    ElementTree.SubElement(value, "input").text = "accelerometer_t"
+
+
+def _export(export: ElementTree.Element) -> None:
+    for sensor, (name, quantity, unit) in RECORDED.items():
+        columns = [f"{quantity} {axis} ({unit})" for axis in "xyz"]
+        _set(export, name, sensor, ("Time (s)", *columns))
+    _set(export, "Attitude", "attitude", QUATERNION_COLUMNS)
+    for column, buffer in ((SOUND_COLUMN, "sound"), (RATE_COLUMN, "rate")):
+        group = ElementTree.SubElement(export, "set", name=column.split(" (")[0])
+        ElementTree.SubElement(group, "data", name=column).text = buffer
+
+
+def _set(export: ElementTree.Element, name: str, sensor: str, columns: tuple[str, ...]) -> None:
+    group = ElementTree.SubElement(export, "set", name=name)
+    for component, column in zip(_components(sensor), columns, strict=True):
+        ElementTree.SubElement(group, "data", name=column).text = f"{sensor}_{component}"
+
 
 DEVICE, EVENTS = "device.csv", "time.csv"
 """The app's own files, in meta/."""
@@ -46,9 +143,9 @@ ACCELERATION, GYROSCOPE, FIELD, ATTITUDE = "acceleration", "gyroscope", "field",
 MPS2 = 1.0
 """The unit of an acceleration as its columns state it: metres per second squared."""
 UNITS = {
-    ACCELERATION: (re.compile(r"m/s(\^2|²|2)"), LARGEST_ACCEL_MPS2),
-    GYROSCOPE: (re.compile(r"rad/s"), LARGEST_TURN_RADPS),
-    FIELD: (re.compile(r"[µμu]T"), LARGEST_FIELD_UT),
+    ACCELERATION: (re.compile(r"m/s(\^2|²|2)"), sensor_files.LARGEST_ACCEL_MPS2),
+    GYROSCOPE: (re.compile(r"rad/s"), sensor_files.LARGEST_TURN_RADPS),
+    FIELD: (re.compile(r"[µμu]T"), sensor_files.LARGEST_FIELD_UT),
 }
 """What tells a sensor's columns, and beyond what it cannot be believed."""
 LEAST_SOUND_SHARE = 0.9
@@ -65,14 +162,14 @@ class SensorTable:
     numbers: F64
 
 
-def read_phyphox(path: Path) -> Imported:
+def read_phyphox(path: Path) -> log_files.Imported:
     """The recording in a .zip of CSVs, or in their folder, t = 0 where the experiment was started.
 
     Raises InputError naming what is missing or bad, for an export as Excel, and for an
     experiment that was paused and went on.
     """
-    with log_folder(path) as folder:
-        return _read_folder(folder, name_of(path))
+    with log_files.log_folder(path) as folder:
+        return _read_folder(folder, log_files.name_of(path))
 
 
 def is_phyphox(columns: Sequence[str]) -> bool:
@@ -81,10 +178,10 @@ def is_phyphox(columns: Sequence[str]) -> bool:
     return measured and any(map(TIME.match, columns))
 
 
-def _read_folder(folder: Path, name: str) -> Imported:
+def _read_folder(folder: Path, name: str) -> log_files.Imported:
     if (folder / "xl").is_dir():
         raise InputError(f"{folder}: is an Excel file; export as CSV, with any separator")
-    files = one_of_each(folder, (".csv",))
+    files = log_files.one_of_each(folder, (".csv",))
     meta = {key: _meta(files.pop(key)) for key in (DEVICE, EVENTS) if key in files}
     _check_one_run(folder, meta.get(EVENTS, []))
     tables = [_read_table(file) for file in files.values()]
@@ -99,10 +196,12 @@ def _read_folder(folder: Path, name: str) -> Imported:
     read |= {GYROSCOPE: gyroscopes[0]} | dict(zip([FIELD], fields, strict=False))
     if (attitude := _named(tables, QUATERNION_COLUMNS)) is not None and len(attitude):
         read[ATTITUDE] = attitude[:, 0], attitude[:, 1:]
-    clock = clock_of(str(folder), accelerations[0][0])
-    streams, damaged = on_one_clock(read, clock)
-    accel = with_gravity([streams[key] for key in streams if key.startswith(ACCELERATION)], MPS2)
-    imu = imu_on_accelerometer_clock(str(folder), *accel, *streams[GYROSCOPE])
+    clock = log_files.clock_of(str(folder), accelerations[0][0])
+    streams, damaged = log_files.on_one_clock(read, clock)
+    accel = log_files.with_gravity(
+        [streams[key] for key in streams if key.startswith(ACCELERATION)], MPS2
+    )
+    imu = sensor_files.imu_on_accelerometer_clock(str(folder), *accel, *streams[GYROSCOPE])
     recording = Recording(
         name=name,
         device=_device(meta.get(DEVICE, [])),
@@ -112,7 +211,7 @@ def _read_folder(folder: Path, name: str) -> Imported:
         magnetometer=Magnetometer(*streams[FIELD]) if FIELD in streams else None,
         notes=clock.notes,
     )
-    return Imported(recording, damaged_lines=damaged)
+    return log_files.Imported(recording, damaged_lines=damaged)
 
 
 def _read_table(file: Path) -> SensorTable:
@@ -121,7 +220,6 @@ def _read_table(file: Path) -> SensorTable:
 
 
 def _numbers(file: Path, body: str, columns: int) -> F64:
-    """Numbers (rows, columns), NaN included."""
     if not body:
         return np.empty((0, columns))
     try:
@@ -155,7 +253,9 @@ def _columns(table: SensorTable, wanted: Sequence[int]) -> F64:
     return np.asarray(values[:count])
 
 
-def _streams(tables: Sequence[SensorTable], unit: re.Pattern[str], largest: float) -> list[Stream]:
+def _streams(
+    tables: Sequence[SensorTable], unit: re.Pattern[str], largest: float
+) -> list[log_files.Stream]:
     """Times and values of every sensor that measures in a unit."""
     return [
         _stream(table, columns, largest)
@@ -165,7 +265,7 @@ def _streams(tables: Sequence[SensorTable], unit: re.Pattern[str], largest: floa
     ]
 
 
-def _stream(table: SensorTable, columns: Sequence[int], largest: float) -> Stream:
+def _stream(table: SensorTable, columns: Sequence[int], largest: float) -> log_files.Stream:
     values = _columns(table, columns)
     worst = float(np.abs(values[:, 1:]).max())
     if worst > largest:
@@ -187,7 +287,6 @@ def _axes(names: Sequence[str], unit: re.Pattern[str]) -> list[list[int]]:
 
 
 def _named(tables: Sequence[SensorTable], names: Sequence[str]) -> F64 | None:
-    """The columns of these names, from the first set that has all of them."""
     for table in tables:
         if set(names) <= set(table.names):
             return _columns(table, [table.names.index(name) for name in names])
@@ -210,17 +309,17 @@ def _sound(folder: Path, tables: Sequence[SensorTable], imu: Imu) -> Audio | Non
     if duration_s < LEAST_SOUND_SHARE * moved_s:
         raise InputError(
             f"{folder}: {duration_s:.0f} s of sound for {moved_s:.0f} s of motion; its buffer ran "
-            "over: walk shorter, or make the experiment with more --minutes"
+            "over: walk shorter, or make an experiment for more minutes",
+            argument="minutes",
         )
     return Audio(np.clip(samples.T, -1, 1), nearest)
 
 
-def _orientation(attitude: Stream | None, imu: Imu) -> Orientation | None:
-    return attitude and attitude_that_agrees(attitude[0], [attitude[1]], imu)
+def _orientation(attitude: log_files.Stream | None, imu: Imu) -> Orientation | None:
+    return attitude and log_files.attitude_that_agrees(attitude[0], [attitude[1]], imu)
 
 
 def _meta(file: Path) -> list[list[str]]:
-    """Rows of a file of meta/, its header left out."""
     lines = read_lines(file)
     return [cells_of(file, line, separator_of(lines[0])) for line in lines[1:]]
 

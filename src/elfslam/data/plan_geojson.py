@@ -74,8 +74,6 @@ class PlanShapes:
 
 @dataclass(frozen=True, eq=False)
 class _Feature:
-    """Polygons, and whether each is accessible; lines; and the levels that they are on."""
-
     polygons: list[tuple[Polygon, bool]]
     lines: list[F64]
     levels: set[str]
@@ -122,7 +120,6 @@ def _in_metres(degrees: PlanShapes, origin: Origin) -> PlanShapes:
 
 
 def _features(file: Path) -> list[_Feature]:
-    """What a file holds, in its own unit."""
     content = read_json(file)
     if isinstance(content, dict) and WEB_MERCATOR.search(json.dumps(content.get("crs"))):
         raise InputError(
@@ -139,7 +136,6 @@ def _features(file: Path) -> list[_Feature]:
 
 
 def _shapes(file: Path, features: list[_Feature]) -> PlanShapes:
-    """What is drawn by some features of a file."""
     polygons = [polygon for each in features for polygon in each.polygons]
     lines = [line for each in features for line in each.lines]
     if not polygons and not lines:
@@ -210,7 +206,6 @@ def _height(level: str) -> tuple[float, str]:
 
 
 def _parts(feature: dict[str, Any], kinds: dict[str, bool]) -> list[Any]:
-    """Coordinates of the geometries of some kind in a feature."""
     geometry = feature.get("geometry", feature) or {}
     many = kinds.get(str(geometry.get("type")))
     if many is None:
@@ -219,7 +214,6 @@ def _parts(feature: dict[str, Any], kinds: dict[str, bool]) -> list[Any]:
 
 
 def _polygons_of(feature: dict[str, Any]) -> list[tuple[Polygon, bool]]:
-    """Polygons, and whether each is accessible."""
     accessible = (feature.get("properties") or {}).get("accessible", True) is not False
     return [(_rings(rings), accessible) for rings in _parts(feature, POLYGONS)]
 

@@ -19,31 +19,49 @@ import numpy as np
 
 from elfslam import __version__
 from elfslam.base.arguments import checked
+from elfslam.base.arrays import F64
 from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_json
 from elfslam.base.values import Audio, Recording, Truth
 from elfslam.base.zips import unpack_zip
+from elfslam.data import sensor_files
 from elfslam.data.atomic_files import new_folder
 from elfslam.data.audio_files import FLAC, at_accepted_rate, read_recorded_sound, write_audio
-from elfslam.data.baseband import Baseband
-from elfslam.data.baseband_files import write_baseband
-from elfslam.data.checkpoint_files import read_checkpoints, write_checkpoints
+from elfslam.data.baseband import Baseband, write_baseband
 from elfslam.data.log_files import name_of
-from elfslam.data.schedule_files import read_schedule, write_schedule
-from elfslam.data.sensor_files import (
-    CLOCK_SLACK_S,
-    check_shared_time,
-    read_emr,
-    read_imu,
-    read_magnetometer,
-    read_odometry,
-    read_orientation,
-    write_sensors,
-)
+from elfslam.data.named_places import read_checkpoints, write_checkpoints
+from elfslam.data.tables import check_size, read_header, read_timed_table, write_timed_table
 from elfslam.data.truth_files import write_truth
-from elfslam.data.wifi_table import read_wifi
 from elfslam.stages.chirp import ChirpParameters
+
+CHIRPS = "chirps.csv"
+GAIN = "gain_db"
+LONGEST_S = 1e6
+MOST_DB = 100.0
+
+
+def write_schedule(played_t_s: F64, gain_db: F64 | None, folder: Path) -> None:
+    """The moments (n) at which chirps began to be played, and how loud (n), into `folder`."""
+    columns = [] if gain_db is None else [GAIN]
+    values = np.empty((len(played_t_s), 0)) if gain_db is None else gain_db[:, None]
+    write_timed_table(folder / CHIRPS, columns, played_t_s, values)
+
+
+def read_schedule(folder: Path) -> tuple[F64 | None, F64 | None]:
+    """When the chirps of a recording were played (n), and how loud (n, dB).
+
+    None where nobody says. Raises InputError.
+    """
+    file = folder / CHIRPS
+    if not file.is_file():
+        return None, None
+    columns = [GAIN] if GAIN in read_header(file) else []
+    t_s, values = read_timed_table(file, columns)
+    check_size(file, t_s[:, None], LONGEST_S, "s")
+    check_size(file, values, MOST_DB, "dB")
+    return t_s, values[:, 0] if columns else None
+
 
 FORMAT_VERSION = 1
 MACOSX = "__MACOSX"
@@ -76,7 +94,7 @@ def write_recording(
         (partial / MANIFEST).write_text(text + "\n", encoding="utf-8")
         if recording.audio is not None and baseband is None:
             write_audio(recording.audio, partial / FLAC)
-        write_sensors(recording, partial)
+        sensor_files.write_sensors(recording, partial)
         if recording.played_t_s is not None:
             write_schedule(recording.played_t_s, recording.gain_db, partial)
         if recording.checkpoints is not None:
@@ -156,12 +174,12 @@ def _read_folder(folder: Path, name: str, chirp: ChirpParameters) -> Recording:
         device=str(manifest.get("device") or "unknown"),
         start_pose=_start_pose(folder / MANIFEST, manifest),
         audio=audio and at_accepted_rate(audio),
-        imu=read_imu(folder),
-        orientation=read_orientation(folder / "orientation.csv"),
-        odometry=read_odometry(folder),
-        magnetometer=read_magnetometer(folder / "magnetometer.csv"),
-        wifi=read_wifi(wifi) if wifi.is_file() else None,
-        emr=read_emr(folder / "emr.csv"),
+        imu=sensor_files.read_imu(folder),
+        orientation=sensor_files.read_orientation(folder / "orientation.csv"),
+        odometry=sensor_files.read_odometry(folder),
+        magnetometer=sensor_files.read_magnetometer(folder / "magnetometer.csv"),
+        wifi=sensor_files.read_wifi(wifi) if wifi.is_file() else None,
+        emr=sensor_files.read_emr(folder / "emr.csv"),
         played_t_s=played_t_s,
         gain_db=gain_db,
         checkpoints=read_checkpoints(folder),
@@ -184,13 +202,13 @@ def _check_clocks(folder: Path, recording: Recording) -> None:
     if audio is None:
         return
     sound = "sound", np.array([0.0, audio.samples.shape[1] / audio.rate_hz])
-    slack_s = math.inf if audio.is_timed else CLOCK_SLACK_S
+    slack_s = math.inf if audio.is_timed else sensor_files.CLOCK_SLACK_S
     if recording.imu is not None:
         motion = "motion sensors", recording.imu.t_s
-        check_shared_time(str(folder), sound, motion, slack_s=slack_s)
+        sensor_files.check_shared_time(str(folder), sound, motion, slack_s=slack_s)
     if recording.odometry is not None:
         odometry = "odometry", recording.odometry.t_s
-        check_shared_time(str(folder), sound, odometry, slack_s=slack_s)
+        sensor_files.check_shared_time(str(folder), sound, odometry, slack_s=slack_s)
 
 
 def _read_manifest(file: Path) -> dict[str, Any]:
@@ -207,7 +225,6 @@ def _read_manifest(file: Path) -> dict[str, Any]:
 
 
 def _start_pose(file: Path, manifest: dict[str, Any]) -> tuple[float, float, float] | None:
-    """The declared start; its heading is NaN where the compass is to tell it."""
     given = manifest.get("start_pose")
     if given is None:
         return None
@@ -222,7 +239,6 @@ def _start_pose(file: Path, manifest: dict[str, Any]) -> tuple[float, float, flo
 
 
 def _notes(file: Path, manifest: dict[str, Any]) -> list[str]:
-    """What was said of the recording when it was taken up."""
     notes = manifest.get("notes", [])
     texts = isinstance(notes, list) and all(isinstance(note, str) for note in notes)
     if not texts or len(notes) > MOST_NOTES or any(len(note) > LONGEST_NOTE for note in notes):
@@ -234,7 +250,6 @@ def _notes(file: Path, manifest: dict[str, Any]) -> list[str]:
 
 
 def _declared(start: tuple[float, float, float] | None) -> list[float] | None:
-    """A start as a file has it: without a heading that is not known."""
     return None if start is None else [number for number in start if math.isfinite(number)]
 
 
@@ -290,7 +305,6 @@ def _same(given: object, wanted: object) -> bool:
 
 
 def _described(played: ChirpParameters) -> dict[str, object]:
-    """What was played, as recording.json says it."""
     return {
         "kind": played.kind,
         "band_hz": [played.band_low_hz, played.band_high_hz],

@@ -17,28 +17,15 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_json
 from elfslam.base.values import Imu, Magnetometer, Orientation, Recording
-from elfslam.data.log_files import Imported, log_folder, name_of, one_of_each
-from elfslam.data.sensor_files import (
-    LARGEST_ACCEL_MPS2,
-    LARGEST_FIELD_UT,
-    LARGEST_TURN_RADPS,
-    imu_on_accelerometer_clock,
-)
-from elfslam.data.streams import (
-    Stream,
-    attitude_that_agrees,
-    clock_of,
-    on_one_clock,
-    with_gravity,
-)
+from elfslam.data import log_files, sensor_files
 from elfslam.data.tables import check_size, numbers_in, parse_rows, read_lines
 
 ACCELEROMETER, GYROSCOPE, MAGNETOMETER = "acce.txt", "gyro.txt", "magnet.txt"
 ATTITUDES = ("rv.txt", "game_rv.txt", "orientation.txt")
 LARGEST = {
-    ACCELEROMETER: (LARGEST_ACCEL_MPS2, "m/s2"),
-    GYROSCOPE: (LARGEST_TURN_RADPS, "rad/s"),
-    MAGNETOMETER: (LARGEST_FIELD_UT, "microtesla"),
+    ACCELEROMETER: (sensor_files.LARGEST_ACCEL_MPS2, "m/s2"),
+    GYROSCOPE: (sensor_files.LARGEST_TURN_RADPS, "rad/s"),
+    MAGNETOMETER: (sensor_files.LARGEST_FIELD_UT, "microtesla"),
     **dict.fromkeys(ATTITUDES, (1.01, "")),
 }
 NANOSECOND_S = 1e-9
@@ -48,13 +35,13 @@ LEAST_NS = 1e4
 """A later first time tells nanoseconds from seconds; who counts from 0 is known by the second."""
 
 
-def read_ronin(path: Path) -> Imported:
+def read_ronin(path: Path) -> log_files.Imported:
     """The recording in a folder of such files or a .zip of one, t = 0 at its first acceleration.
 
     Raises InputError naming what is missing or bad.
     """
-    with log_folder(path) as folder:
-        return _read_folder(folder, name_of(path))
+    with log_files.log_folder(path) as folder:
+        return _read_folder(folder, log_files.name_of(path))
 
 
 def is_ronin(name: PurePosixPath, lines: Sequence[str]) -> bool:
@@ -74,8 +61,8 @@ def _is_row(line: str) -> bool:
     return not line.startswith("#") and any(numbers_in(cell) for cell in line.split())
 
 
-def _read_folder(root: Path, name: str) -> Imported:
-    files = one_of_each(root, (".txt",))
+def _read_folder(root: Path, name: str) -> log_files.Imported:
+    files = log_files.one_of_each(root, (".txt",))
     if ACCELEROMETER not in files or GYROSCOPE not in files:
         raise InputError(
             f"{root}: holds no {ACCELEROMETER} with {GYROSCOPE} beside it; give the folder of "
@@ -84,10 +71,10 @@ def _read_folder(root: Path, name: str) -> Imported:
     read = {each: _sensor(files[each], *LARGEST[each]) for each in LARGEST if each in files}
     start_ns = read[ACCELEROMETER][0][0]
     since = {each: ((t - start_ns) * NANOSECOND_S, values) for each, (t, values) in read.items()}
-    clock = clock_of(str(root), since[ACCELEROMETER][0])
-    streams, damaged = on_one_clock(since, clock)
-    accel = with_gravity([streams[ACCELEROMETER]])
-    imu = imu_on_accelerometer_clock(str(root), *accel, *streams[GYROSCOPE])
+    clock = log_files.clock_of(str(root), since[ACCELEROMETER][0])
+    streams, damaged = log_files.on_one_clock(since, clock)
+    accel = log_files.with_gravity([streams[ACCELEROMETER]])
+    imu = sensor_files.imu_on_accelerometer_clock(str(root), *accel, *streams[GYROSCOPE])
     field = streams.get(MAGNETOMETER)
     recording = Recording(
         name=name,
@@ -97,11 +84,10 @@ def _read_folder(root: Path, name: str) -> Imported:
         magnetometer=Magnetometer(*field) if field else None,
         notes=clock.notes,
     )
-    return Imported(recording, damaged_lines=damaged)
+    return log_files.Imported(recording, damaged_lines=damaged)
 
 
-def _sensor(file: Path, largest: float, unit: str) -> Stream:
-    """Nanoseconds (n) and values (n, 3), of an attitude (n, 4)."""
+def _sensor(file: Path, largest: float, unit: str) -> log_files.Stream:
     lines = read_lines(file)
     comments = _comments(lines)
     if comments == len(lines):
@@ -125,13 +111,13 @@ def _check_unit(file: Path, time_ns: F64) -> None:
         )
 
 
-def _orientation(streams: Mapping[str, Stream], imu: Imu) -> Orientation | None:
+def _orientation(streams: Mapping[str, log_files.Stream], imu: Imu) -> Orientation | None:
     """Versions differ in where w stands: gravity decides."""
     found = next((streams[each] for each in ATTITUDES if each in streams), None)
     if found is None:
         return None
     t_s, values = found
-    return attitude_that_agrees(t_s, [values, values[:, [1, 2, 3, 0]]], imu)
+    return log_files.attitude_that_agrees(t_s, [values, values[:, [1, 2, 3, 0]]], imu)
 
 
 def _device(folder: Path) -> str:

@@ -25,16 +25,14 @@ from elfslam.base.values import (
     Similarity,
     Trajectory,
 )
+from elfslam.data import map_files
 from elfslam.data.atomic_files import new_folder, sha256_of
-from elfslam.data.checkpoint_files import read_checkpoints, write_checkpoints
-from elfslam.data.facts import ENCODER, FACTS, read_facts, read_object
-from elfslam.data.map_files import MAP, encoder_of, label_of, read_map, write_map
+from elfslam.data.named_places import read_checkpoints, read_points, write_checkpoints, write_points
 from elfslam.data.npz import read_npz, write_npz
-from elfslam.data.points_of_interest_files import read_points, write_points
+from elfslam.data.position_files import read_tum, write_tum
 from elfslam.data.recordings import recording_folder
 from elfslam.data.tables import read_lines, read_table
 from elfslam.data.truth_files import TRUTH_FILES
-from elfslam.data.tum import read_tum, write_tum
 
 TIMINGS = "timings.json"
 SIMILARITY = "similarity.npz"
@@ -63,7 +61,7 @@ def write_run(
     Raises StoreError where a folder with content is there; with `replace` an older run (and
     nothing else) gives way.
     """
-    with new_folder(folder, replaces=FACTS if replace else None) as partial:
+    with new_folder(folder, replaces=map_files.FACTS if replace else None) as partial:
         fill_run(run, partial, facts=facts, encoder=encoder)
 
 
@@ -72,20 +70,20 @@ def fill_run(run: Run, folder: Path, *, facts: Mapping[str, object], encoder: by
 
     `facts` go into run.json beside the run's name, `encoder` (an ONNX file) into encoder.onnx.
     """
-    _write_json(folder / FACTS, {"name": run.name, **facts})
+    _write_json(folder / map_files.FACTS, {"name": run.name, **facts})
     _write_json(folder / TIMINGS, run.seconds)
     write_tum(folder / "odometry.tum", run.odometry.t_s, run.odometry.world_from_body)
     write_tum(folder / "trajectory.tum", run.trajectory.t_s, run.trajectory.world_from_body)
     _write_closures(run, folder / "closures.csv")
     _write_evidence(run, folder)
     if run.floor_map is not None:
-        write_map(run.floor_map, folder / MAP)
+        map_files.write_map(run.floor_map, folder / map_files.MAP)
     if run.points_of_interest:
         write_points(run.points_of_interest, folder)
     if run.checkpoints is not None:
         write_checkpoints(run.checkpoints, folder)
     if encoder is not None:
-        (folder / ENCODER).write_bytes(encoder)
+        (folder / map_files.ENCODER).write_bytes(encoder)
 
 
 def read_run(folder: Path) -> Run:
@@ -111,7 +109,7 @@ def digest_of(path: Path) -> str:
 
 
 def _read_run(folder: Path) -> Run:
-    facts, timings = read_facts(folder), read_object(folder / TIMINGS)
+    facts, timings = map_files.read_facts(folder), map_files.read_object(folder / TIMINGS)
     spread = read_npz(folder / "uncertainty.npz", UNCERTAINTY)
     trajectory_t_s, trajectory_poses = read_tum(folder / "trajectory.tum")
     closures = _read_closures(folder / "closures.csv", spread["closure_covariance"])
@@ -133,7 +131,7 @@ def _read_run(folder: Path) -> Run:
             spread["closure_weights"],
             str(spread["status"]),
         ),
-        floor_map=read_map(folder) if (folder / MAP).is_file() else None,
+        floor_map=map_files.read_map(folder) if (folder / map_files.MAP).is_file() else None,
         echoes=_read_echoes(folder / "echoes.npz"),
         features=_read_features(folder / "features.npz"),
         seconds={name: float(seconds) for name, seconds in timings.items()},
@@ -180,7 +178,7 @@ def _write_evidence(run: Run, folder: Path) -> None:
         _write_echoes(run.echoes, folder / "echoes.npz")
     if run.features is not None:
         kept = {name: getattr(run.features, name) for name in ("t_s", "vectors")}
-        encoder = label_of(Modality.ELF, run.features.encoder)
+        encoder = map_files.label_of(Modality.ELF, run.features.encoder)
         write_npz(folder / "features.npz", {**kept, "encoder": encoder})
 
 
@@ -218,5 +216,5 @@ def _read_features(file: Path) -> Features | None:
     if not file.is_file():
         return None
     arrays = read_npz(file, ["t_s", "vectors", "encoder"])
-    encoder = encoder_of(Modality.ELF, str(arrays["encoder"]))
+    encoder = map_files.encoder_of(Modality.ELF, str(arrays["encoder"]))
     return Features(arrays["t_s"], arrays["vectors"], encoder)

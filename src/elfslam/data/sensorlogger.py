@@ -30,27 +30,10 @@ from elfslam.base.values import (
     Recording,
     WifiScans,
 )
+from elfslam.data import log_files, sensor_files
 from elfslam.data.audio_files import at_accepted_rate, read_audio
-from elfslam.data.checkpoint_files import LONGEST_NAME, MOST
-from elfslam.data.log_files import Imported, log_folder, name_of, one_of_each
-from elfslam.data.sensor_files import (
-    AXES,
-    LARGEST_ACCEL_MPS2,
-    LARGEST_FIELD_UT,
-    LARGEST_TURN_RADPS,
-    QUATERNION,
-    imu_on_accelerometer_clock,
-)
-from elfslam.data.streams import (
-    Clock,
-    Stream,
-    attitude_that_agrees,
-    clock_of,
-    on_one_clock,
-    with_gravity,
-)
+from elfslam.data.named_places import LONGEST_NAME, MOST
 from elfslam.data.tables import CsvText, check_size, number_in, read_csv, read_named_rows
-from elfslam.data.wifi_table import scans_from_rows
 
 ELAPSED, TIME = "seconds_elapsed", "time"
 NANOSECOND_S = 1e-9
@@ -60,10 +43,10 @@ ENDINGS = (".csv", ".wav", ".flac")
 SOUND_FILES = ("microphone.wav", "microphone.flac")
 ACCELERATIONS = ("totalacceleration", "accelerometer", "gravity", "accelerometeruncalibrated")
 SENSORS = {
-    **dict.fromkeys(ACCELERATIONS, (AXES, LARGEST_ACCEL_MPS2, "m/s2")),
-    "gyroscope": (AXES, LARGEST_TURN_RADPS, "rad/s"),
-    "magnetometer": (AXES, LARGEST_FIELD_UT, "microtesla"),
-    "orientation": (QUATERNION, 1.01, ""),
+    **dict.fromkeys(ACCELERATIONS, (sensor_files.AXES, sensor_files.LARGEST_ACCEL_MPS2, "m/s2")),
+    "gyroscope": (sensor_files.AXES, sensor_files.LARGEST_TURN_RADPS, "rad/s"),
+    "magnetometer": (sensor_files.AXES, sensor_files.LARGEST_FIELD_UT, "microtesla"),
+    "orientation": (sensor_files.QUATERNION, 1.01, ""),
 }
 """The columns of a sensor, and what it can read at most, with its unit."""
 PLACE = re.compile(r"\s*([-+]?\d+(?:\.\d+)?)\s*[,;]\s*([-+]?\d+(?:\.\d+)?)\s*")
@@ -87,14 +70,14 @@ class Times:
         return number_in(row[self.column]) * self.unit_s + self.origin_s
 
 
-def read_sensorlogger(path: Path) -> Imported:
+def read_sensorlogger(path: Path) -> log_files.Imported:
     """The recording in a .zip of the app, or in its folder, t = 0 where the app began.
 
     Sound is kept only where lossless at 44.1 kHz or more (the app itself plays no chirps), the
     attitude only where it agrees with gravity. Raises InputError naming what is missing or bad.
     """
-    with log_folder(path) as folder:
-        return _read_folder(folder, name_of(path))
+    with log_files.log_folder(path) as folder:
+        return _read_folder(folder, log_files.name_of(path))
 
 
 def is_sensorlogger(columns: Sequence[str]) -> bool:
@@ -102,8 +85,8 @@ def is_sensorlogger(columns: Sequence[str]) -> bool:
     return ELAPSED in columns
 
 
-def _read_folder(folder: Path, name: str) -> Imported:
-    files = one_of_each(folder, ENDINGS)
+def _read_folder(folder: Path, name: str) -> log_files.Imported:
+    files = log_files.one_of_each(folder, ENDINGS)
     tables = {
         sensor: read_csv(files[f"{sensor}.csv"]) for sensor in SENSORS if f"{sensor}.csv" in files
     }
@@ -113,8 +96,8 @@ def _read_folder(folder: Path, name: str) -> Imported:
         raise InputError(f"{folder}: motion sensors are missing; wanted {wanted}")
     times = _times(tables[accelerations[0]])
     read = {sensor: _stream(table, sensor, times) for sensor, table in tables.items()}
-    clock = clock_of(str(folder), read[accelerations[0]][0])
-    streams, damaged = on_one_clock(read, clock)
+    clock = log_files.clock_of(str(folder), read[accelerations[0]][0])
+    streams, damaged = log_files.on_one_clock(read, clock)
     imu = _imu(folder, streams, _metadata(files))
     audio = _sound(files)
     checkpoints, said = _checkpoints(files, times, clock)
@@ -129,7 +112,7 @@ def _read_folder(folder: Path, name: str) -> Imported:
         checkpoints=checkpoints,
         notes=(*clock.notes, *said, *(audio.notes if audio else ())),
     )
-    return Imported(recording, damaged_lines=damaged)
+    return log_files.Imported(recording, damaged_lines=damaged)
 
 
 def _metadata(files: Mapping[str, Path]) -> dict[str, str]:
@@ -147,19 +130,19 @@ def _times(text: CsvText) -> Times:
     return Times(TIME, NANOSECOND_S, float(elapsed_s[0] - time_s[0])) if ran_on else Times()
 
 
-def _stream(text: CsvText, sensor: str, times: Times) -> Stream:
+def _stream(text: CsvText, sensor: str, times: Times) -> log_files.Stream:
     columns, largest, unit = SENSORS[sensor]
     values = text.numbers(columns)
     check_size(text.file, values, largest, unit)
     return times.of_table(text), values
 
 
-def _imu(folder: Path, streams: Mapping[str, Stream], facts: dict[str, str]) -> Imu:
+def _imu(folder: Path, streams: Mapping[str, log_files.Stream], facts: dict[str, str]) -> Imu:
     calibrated = {"totalacceleration", "gravity"} & streams.keys()
     wanted = ACCELERATIONS[:-1] if calibrated else ACCELERATIONS
-    t_s, accel = with_gravity([streams[sensor] for sensor in wanted if sensor in streams])
+    t_s, accel = log_files.with_gravity([streams[sensor] for sensor in wanted if sensor in streams])
     upright = -accel if _is_flipped(accel, facts) else accel
-    return imu_on_accelerometer_clock(str(folder), t_s, upright, *streams["gyroscope"])
+    return sensor_files.imu_on_accelerometer_clock(str(folder), t_s, upright, *streams["gyroscope"])
 
 
 def _is_flipped(values: F64, facts: dict[str, str]) -> bool:
@@ -172,15 +155,15 @@ def _is_flipped(values: F64, facts: dict[str, str]) -> bool:
     return bool(values[:, 2].mean() < 0)
 
 
-def _orientation(streams: Mapping[str, Stream], imu: Imu) -> Orientation | None:
+def _orientation(streams: Mapping[str, log_files.Stream], imu: Imu) -> Orientation | None:
     """Platforms and versions differ in which way the quaternion turns: gravity decides."""
     if "orientation" not in streams:
         return None
     t_s, quaternion = streams["orientation"]
-    return attitude_that_agrees(t_s, [quaternion], imu)
+    return log_files.attitude_that_agrees(t_s, [quaternion], imu)
 
 
-def _wifi(files: Mapping[str, Path], times: Times, clock: Clock) -> WifiScans | None:
+def _wifi(files: Mapping[str, Path], times: Times, clock: log_files.Clock) -> WifiScans | None:
     """Rows `seconds_elapsed, bssid, level`; a network's name may hold anything, commas too."""
     file = files.get("wifi.csv")
     if file is None:
@@ -198,11 +181,10 @@ def _wifi(files: Mapping[str, Path], times: Times, clock: Clock) -> WifiScans | 
         return None
     t_s, bssids, rssi_dbm = zip(*seen, strict=True)
     running_s = clock.running(np.array(t_s))
-    return scans_from_rows(file, running_s, bssids, rssi_dbm, [math.nan] * len(seen))
+    return sensor_files.scans_from_rows(file, running_s, bssids, rssi_dbm, [math.nan] * len(seen))
 
 
 def _seen(row: Mapping[str, str], times: Times) -> tuple[float, str, float] | None:
-    """When, which network and how strong; None where a cell is missing or no number."""
     bssid = row.get("bssid")
     try:
         t_s, level_dbm = times.of_row(row), number_in(row["level"])
@@ -212,7 +194,7 @@ def _seen(row: Mapping[str, str], times: Times) -> tuple[float, str, float] | No
 
 
 def _checkpoints(
-    files: Mapping[str, Path], times: Times, clock: Clock
+    files: Mapping[str, Path], times: Times, clock: log_files.Clock
 ) -> tuple[Checkpoints | None, tuple[str, ...]]:
     """What was tapped with a text, two numbers being metres on a plan; what there is to tell."""
     file = files.get("annotation.csv")

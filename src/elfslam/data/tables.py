@@ -136,6 +136,14 @@ def number_in(cell: str) -> float:
     return number
 
 
+def number_or_nan(cell: str) -> float:
+    """The number in a cell; NaN where there is none."""
+    try:
+        return float(cell)
+    except ValueError:
+        return math.nan
+
+
 def numbers_in(line: str) -> list[float]:
     """The numbers of a line that white space parts; none where one of them is no number."""
     try:
@@ -196,19 +204,12 @@ def _refuse_bad_row(
                 "the file is cut off or damaged there, remove that row"
             )
         for column in columns:
-            if not _is_finite_number(cells[column]):
+            if not math.isfinite(number_or_nan(cells[column])):
                 raise InputError(
                     f"{file}: row {row} has {cells[column].strip()[:30]!r}, wanted a finite "
                     "number; remove or repair that row"
                 )
     raise InputError(f"{file}: cannot be read as numbers; check the file")
-
-
-def _is_finite_number(cell: str) -> bool:
-    try:
-        return math.isfinite(float(cell))
-    except ValueError:
-        return False
 
 
 def check_times(file: Path, t_s: F64, *, first_row: int = 2) -> None:

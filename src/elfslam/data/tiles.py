@@ -153,7 +153,6 @@ def _whole(count: int, *columns: I64) -> bytes:
 
 
 def _tile(content: bytes) -> tuple[I64, I64, F32]:
-    """Walk (n), order (n) and numbers (n, 7) of a tile. Raises InputError."""
     count = _count(content, 2 * WHOLE.itemsize + sum(COLUMNS) * NUMBERS.itemsize)
     walk, order = np.frombuffer(content, WHOLE, 2 * count, WHOLE.itemsize).reshape(2, count)
     flat = np.frombuffer(content, NUMBERS, offset=(1 + 2 * count) * WHOLE.itemsize)
@@ -164,7 +163,6 @@ def _tile(content: bytes) -> tuple[I64, I64, F32]:
 
 
 def _features(stretches: Sequence[tuple[int, bytes]], wanted: I64) -> F32:
-    """The features of spots by their keys (m). Raises InputError."""
     keys, vectors = [np.empty(0, dtype=np.int64)], [np.empty((0, ELF_SIZE), dtype=np.float32)]
     for walk, content in stretches:
         count = _count(content, WHOLE.itemsize + ELF_SIZE * VECTORS.itemsize)

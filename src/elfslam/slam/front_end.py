@@ -141,8 +141,8 @@ def apply_acoustic_scale(nodes: Odometry, echoes: Echoes, parameters: Parameters
 def _frames(recording: Recording, parameters: Parameters) -> Frames:
     if recording.audio is None:
         raise InputError(
-            f"{recording.name}: it has no sound; "
-            "map it with --by magnetic, or record while chirping"
+            f"{recording.name}: it has no sound; map it by magnetic, or record while chirping",
+            argument="by",
         )
     chirp = make_chirp(parameters.chirp, recording.audio.rate_hz)
     audio = kept_sound(recording, recording.audio, _duration_s(recording))

@@ -131,7 +131,7 @@ def elf_payload(floor_map: FloorMap, encoder: str, size: int) -> Payload:
     """
     payload = next((item for item in floor_map.payloads if item.kind == "elf"), None)
     if payload is None:
-        raise InputError("map: it holds no echoes; map the place with --by elf first")
+        raise InputError("map: it holds no echoes; map the place by elf first", argument="by")
     if payload.encoder != encoder:
         raise InputError(
             f"map: made with encoder {payload.encoder}, got echoes encoded by {encoder}; "

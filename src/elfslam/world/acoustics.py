@@ -11,10 +11,9 @@ import numpy as np
 
 from elfslam.world.kernels import kernel
 from elfslam.world.paths import MOST_BOUNCES, find_paths
-from elfslam.world.plan import PERSON_HEIGHT_M, PERSON_RADIUS_M
+from elfslam.world.plan import PERSON_HEIGHT_M, PERSON_RADIUS_M, hides, look
 from elfslam.world.pulses import MOST_RAYS, note_ray, write_rays
 from elfslam.world.scene import EDGE_GAIN
-from elfslam.world.sight import hides, look
 
 PERSON_REFLECTION = 0.6
 CLUTTER_REACH_M = 7.0

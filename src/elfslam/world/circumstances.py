@@ -202,7 +202,6 @@ def air_on(world: World, day: int, *, lived_in: bool = False) -> Air:
 
 
 def _lived_in_c(told_c: float | None, seed: int, warmth_c: float) -> float:
-    """A day's temperature: about what is told, or what people there like."""
     if told_c is None:
         liked_c = np.random.default_rng([seed, 6]).uniform(*INDOORS_C)
         today_c = float(np.clip(liked_c + warmth_c, *INDOORS_C))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
@@ -13,10 +13,14 @@ import numpy as np
 
 from elfslam.base.arrays import F64, Value, array
 from elfslam.base.errors import InputError
-from elfslam.world.gain_control import GainControl
-from elfslam.world.lobes import Lobes
-from elfslam.world.ordinary import ordinary_traits, traits_of_another, traits_of_one
-from elfslam.world.ringing import Resonance
+from elfslam.world.transducers import (
+    GainControl,
+    Lobes,
+    Resonance,
+    ordinary_traits,
+    traits_of_another,
+    traits_of_one,
+)
 
 BAND_LOW_HZ = 14_350.0
 BAND_BINS = 630
@@ -92,7 +96,6 @@ GRADES: Mapping[str, ImuGrade] = MappingProxyType(
 
 
 def _vector(x: float, y: float, z: float, *, unit: bool = False) -> Any:
-    """A dataclass field that holds three numbers, these by default."""
     declared = array(3, unit_rows=unit)
     return field(default_factory=lambda: np.array([x, y, z]), metadata=declared.metadata)
 
@@ -196,96 +199,70 @@ def _fixed_response(seed: int, ripple_db: float) -> F64:
     return smooth_response(np.random.default_rng(seed), ripple_db)
 
 
-def _simulated_phone() -> Device:
-    return Device("simulated phone", _fixed_response(160, 10.0))
-
-
-def _flat() -> Device:
-    return Device("flat", np.ones(BAND_BINS))
-
-
-def _rippled() -> Device:
-    return Device("rippled", _fixed_response(161, 30.0))
-
-
-def _cheap() -> Device:
-    """Falls by 10 dB per kHz above 18 kHz."""
-    fall_db = np.maximum(band_hz() - 18_000.0, 0.0) / 1000.0 * 10.0
-    response = _fixed_response(162, 12.0) * 10 ** (-fall_db / 20)
-    return Device("cheap", response, noise_rms=1e-4, clock_skew_ppm=20.0)
-
-
-def _tablet() -> Device:
-    return Device(
-        "tablet",
-        _fixed_response(163, 15.0),
-        speaker_m=np.array([0.0, 0.12, 0.0]),
-        microphone_m=np.array([0.0, -0.12, 0.0]),
-    )
-
-
-def _bottom_fired() -> Device:
-    """Both at the edge that faces the holder; they do not face each other, hence little direct."""
-    edge = np.array([0.0, -1.0, 0.0])
-    return Device(
-        "bottom-fired",
-        _fixed_response(164, 12.0),
-        speaker_m=np.array([0.0125, -0.075, 0.0]),
-        microphone_m=np.array([-0.0125, -0.075, 0.0]),
-        speaker_axis=edge,
-        microphone_axis=edge,
-        direct_gain=0.15,
-    )
-
-
-def _ordinary_phone() -> Device:
-    """As real ones: it rings for half a millisecond, has lobes, and hears its own noise."""
-    return Device(
-        "ordinary phone",
-        _fixed_response(165, 10.0),
-        speaker_m=np.array([0.006, 0.074, 0.0]),
-        microphone_m=np.array([-0.012, -0.076, 0.0]),
-        speaker_directivity=0.4,
-        clock_skew_ppm=8.0,
-        jitter_s=5e-6,
-        **traits_of_one(),
-    )
-
-
-def _other_ordinary_phone() -> Device:
-    """Another of them, which rides its gain."""
-    return Device(
-        "other ordinary phone",
-        _fixed_response(166, 14.0),
-        speaker_m=np.array([-0.010, 0.078, 0.0]),
-        microphone_m=np.array([0.008, -0.072, 0.0]),
-        microphone_directivity=0.3,
-        direct_gain=0.8,
-        clock_skew_ppm=-12.0,
-        jitter_s=10e-6,
-        **traits_of_another(),
-    )
-
-
-DEVICES: Mapping[str, Callable[[], Device]] = MappingProxyType(
+DEVICES: Mapping[str, Device] = MappingProxyType(
     {
-        "simulated phone": _simulated_phone,
-        "flat": _flat,
-        "rippled": _rippled,
-        "cheap": _cheap,
-        "tablet": _tablet,
-        "bottom-fired": _bottom_fired,
-        "ordinary phone": _ordinary_phone,
-        "other ordinary phone": _other_ordinary_phone,
+        device.name: device
+        for device in (
+            Device("simulated phone", _fixed_response(160, 10.0)),
+            Device("flat", np.ones(BAND_BINS)),
+            Device("rippled", _fixed_response(161, 30.0)),
+            # Falls by 10 dB per kHz above 18 kHz.
+            Device(
+                "cheap",
+                _fixed_response(162, 12.0)
+                * 10 ** (-(np.maximum(band_hz() - 18_000.0, 0.0) / 1000.0 * 10.0) / 20),
+                noise_rms=1e-4,
+                clock_skew_ppm=20.0,
+            ),
+            Device(
+                "tablet",
+                _fixed_response(163, 15.0),
+                speaker_m=np.array([0.0, 0.12, 0.0]),
+                microphone_m=np.array([0.0, -0.12, 0.0]),
+            ),
+            # Both at the edge that faces the holder, and not to each other: hence little direct.
+            Device(
+                "bottom-fired",
+                _fixed_response(164, 12.0),
+                speaker_m=np.array([0.0125, -0.075, 0.0]),
+                microphone_m=np.array([-0.0125, -0.075, 0.0]),
+                speaker_axis=np.array([0.0, -1.0, 0.0]),
+                microphone_axis=np.array([0.0, -1.0, 0.0]),
+                direct_gain=0.15,
+            ),
+            # As real ones: it rings for half a millisecond, has lobes, and hears its own noise.
+            Device(
+                "ordinary phone",
+                _fixed_response(165, 10.0),
+                speaker_m=np.array([0.006, 0.074, 0.0]),
+                microphone_m=np.array([-0.012, -0.076, 0.0]),
+                speaker_directivity=0.4,
+                clock_skew_ppm=8.0,
+                jitter_s=5e-6,
+                **traits_of_one(),
+            ),
+            # Another of them, which rides its gain.
+            Device(
+                "other ordinary phone",
+                _fixed_response(166, 14.0),
+                speaker_m=np.array([-0.010, 0.078, 0.0]),
+                microphone_m=np.array([0.008, -0.072, 0.0]),
+                microphone_directivity=0.3,
+                direct_gain=0.8,
+                clock_skew_ppm=-12.0,
+                jitter_s=10e-6,
+                **traits_of_another(),
+            ),
+        )
     }
 )
-"""How each built-in phone is made, by its name; all are fixed for all time."""
+"""The built-in phones by name; all are fixed for all time."""
 
 
 def built_in_device(name: str) -> Device:
     """The built-in phone of this name. Raises InputError that suggests a near name for others."""
     _check_known("device", name, DEVICES)
-    return DEVICES[name]()
+    return DEVICES[name]
 
 
 def built_in_grade(name: str) -> ImuGrade:
@@ -303,4 +280,4 @@ def _check_known(kind: str, name: str, known: Collection[str]) -> None:
 
 def named_device(name: str) -> Device:
     """The built-in phone of this name, or the simulated phone under another name."""
-    return DEVICES[name]() if name in DEVICES else replace(_simulated_phone(), name=name)
+    return DEVICES.get(name) or replace(DEVICES["simulated phone"], name=name)

@@ -16,13 +16,13 @@ from scipy import fft
 
 from elfslam.base.arrays import F64
 from elfslam.world.acoustics import NEAREST_M
-from elfslam.world.crowd import Crowd, make_crowd, stand
 from elfslam.world.device import BAND_BINS
 from elfslam.world.kernels import kernel
 from elfslam.world.materials import Material
 from elfslam.world.patches import OPEN_M
 from elfslam.world.paths import Reach
 from elfslam.world.phone import Transducers, image_echoes, one_phone, plain_rows
+from elfslam.world.plan import PERSON_RADIUS_M, Sight, hides, look, make_sight
 from elfslam.world.pulses import (
     BASEBAND_HZ,
     C64,
@@ -39,7 +39,58 @@ from elfslam.world.pulses import (
 )
 from elfslam.world.scattering import LONGEST_M, Scattering
 from elfslam.world.scene import Scene
-from elfslam.world.sight import Sight, hides, look, make_sight
+
+POINTS = 12
+"""On each person; about half of them look at a phone."""
+SCATTERING_M = (0.4, 1.6)
+"""Heights between which people scatter."""
+DRAWS = 20
+"""Of a person, beside their number."""
+
+
+class Crowd(NamedTuple):
+    """Points on people (p times 12): the way they look (3), height, signed gain as of a patch, and
+    where they are (3) about one phone. All gains `fall` with this power of the frequency."""
+
+    normal: F64
+    height: F64
+    gain: F64
+    point: F64
+    fall: float
+
+
+def make_crowd(people: int, person: Material | None) -> Crowd:
+    """People of a material, who stand nowhere yet; without one they have no points.
+
+    Bearings, heights and signs are fixed for ever for the first person, the second and so on.
+    Together the points scatter what an upright cylinder does between these heights.
+    """
+    if person is None or not people:
+        return Crowd(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros((0, 3)), 0.0)
+    shape = POINTS, 3
+    draws = np.array([np.random.default_rng([DRAWS, k]).uniform(size=shape) for k in range(people)])
+    turn = (2 * np.pi / POINTS * (np.arange(POINTS) + draws[..., 0])).ravel()
+    low, high = SCATTERING_M
+    area_m2 = 2 * np.pi * PERSON_RADIUS_M * (high - low) / POINTS
+    gain = np.sqrt(area_m2 * person.diffuse / np.pi)
+    return Crowd(
+        normal=np.column_stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)]),
+        height=low + (high - low) * draws[..., 1].ravel(),
+        gain=np.where(draws[..., 2].ravel() < 0.5, -gain, gain),
+        point=np.zeros((len(turn), 3)),
+        fall=person.diffuse_fall,
+    )
+
+
+@kernel
+def stand(crowd, people):
+    """Puts the points where the people (p, 2) are."""
+    for k in range(crowd.gain.shape[0]):
+        person = people[k // POINTS]
+        crowd.point[k, 0] = person[0] + PERSON_RADIUS_M * crowd.normal[k, 0]
+        crowd.point[k, 1] = person[1] + PERSON_RADIUS_M * crowd.normal[k, 1]
+        crowd.point[k, 2] = crowd.height[k]
+
 
 FINER = 8
 """Columns in a sample: their pulses are at most 11 degrees off at the edges of the band."""
@@ -216,7 +267,6 @@ def _go(
 
 @kernel
 def _go_to(there, home, k, patches, phone, air):
-    """The ways to patch k and back from it."""
     _go(
         there, k, patches, phone.speaker, phone.speaker_axis, phone.speaker_directivity,
         phone.speaker_across, phone.speaker_lobe_share, phone.ahead,
@@ -282,7 +332,6 @@ def _lay_glints(bench, glints, k, column, real, imag, fall, air):
 
 @kernel
 def _lay_all(bench, scattering, links, glints, air):
-    """Every patch and every chain into the grid."""
     there, home, chains = bench.there, bench.home, scattering.chains
     latest = (SAMPLES - 1) * FINER
     for k in range(scattering.once.shape[0]):
@@ -328,7 +377,6 @@ def _lay_people(bench, scene, phone, people, air):
 
 @kernel
 def _write(out, falling, bench, table):
-    """Adds the pulses of the grid's columns to the envelopes `out` and `falling` (630)."""
     grid, padded = bench.grid, bench.padded
     padded[:] = 0.0
     for fine in range(FINER):

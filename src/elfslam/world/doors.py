@@ -16,8 +16,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64, Value, array
 from elfslam.world.materials import Material
-from elfslam.world.room import TOUCH_M, Block, Room
-from elfslam.world.walkable import HALF_WIDTH_M, point_gap_m, segment_gap_m
+from elfslam.world.room import HALF_WIDTH_M, TOUCH_M, Block, Room, point_gap_m, segment_gap_m
 
 OPEN_SHARE = 0.5
 """Of the doors on a day; an estimate."""
@@ -82,7 +81,6 @@ def _upright(name: str, door: HingedDoor, a: F64, b: F64) -> Block:
 
 
 def _doorway(door: HingedDoor, room: Room) -> Block:
-    """Flat before the wall, on the side of the room."""
     along = (door.to_m - door.from_m) / np.linalg.norm(door.to_m - door.from_m)
     aside = DEEP_M / 2 * np.array([-along[1], along[0]])
     before = _upright(f"{door.name} way", door, door.from_m + aside, door.to_m + aside)

@@ -90,6 +90,5 @@ def _errors(
     density: float,
     grade: ImuGrade,
 ) -> F64:
-    """A constant bias per axis and white noise of the given density."""
     noise = density * np.sqrt(grade.rate_hz / 2) * generator.standard_normal(shape)
     return np.asarray(bias * generator.standard_normal(shape[1]) + noise)

@@ -68,12 +68,7 @@ def music_like(count: int, rate_hz: int, generator: np.random.Generator, level: 
 
 
 def clicks(
-    count: int,
-    rate_hz: int,
-    generator: np.random.Generator,
-    level: float,
-    *,
-    per_s: float = 2.0,
+    count: int, rate_hz: int, generator: np.random.Generator, level: float, *, per_s: float = 2.0
 ) -> F32:
     """Keys and dishes (count): clicks in the band at random times, `per_s` of them on average.
 
@@ -164,7 +159,6 @@ def _click(rate_hz: int, generator: np.random.Generator) -> F64:
 
 
 def _add(out: F64, start: int, sound: F64) -> None:
-    """Lay `sound` into `out` from `start`; what reaches beyond its end is left out."""
     kept = sound[: len(out) - start]
     out[start : start + len(kept)] += kept
 

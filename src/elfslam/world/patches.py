@@ -159,7 +159,6 @@ def _room_frames(room: Room) -> list[Frame]:
 
 
 def _block_frames(block: Block) -> list[Frame]:
-    """Low and high end of the block along its length, its width and its height."""
     cos, sin = np.cos(block.turn_rad), np.sin(block.turn_rad)
     x, y, z = np.array([cos, sin, 0.0]), np.array([-sin, cos, 0.0]), np.array([0.0, 0.0, 1.0])
     length, width, height = (float(side) for side in block.size_m)

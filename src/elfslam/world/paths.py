@@ -15,8 +15,15 @@ import numpy as np
 
 from elfslam.base.arrays import F64, I64
 from elfslam.world.kernels import kernel
-from elfslam.world.plan import MOST_CROSSINGS, Crossings, make_crossings, meets_wall, note_crossings
-from elfslam.world.sight import Sight, make_sight
+from elfslam.world.plan import (
+    MOST_CROSSINGS,
+    Crossings,
+    Sight,
+    make_crossings,
+    make_sight,
+    meets_wall,
+    note_crossings,
+)
 
 MOST_PATHS = 4096
 MOST_REFLECTIONS = 24

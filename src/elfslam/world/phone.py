@@ -15,21 +15,22 @@ from elfslam.base.arrays import F32, F64, Value, array
 from elfslam.base.errors import ParameterError
 from elfslam.base.values import Chirp
 from elfslam.world.acoustics import add_echoes
-from elfslam.world.air import SPEED_OF_SOUND_MPS, absorption_db_per_m, speed_of_sound_mps
 from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, Device, band_hz
 from elfslam.world.kernels import kernel
-from elfslam.world.lobes import Lobes
 from elfslam.world.paths import MOST_REFLECTIONS, Reach, make_plan_paths
 from elfslam.world.pulses import (
     C64,
     CARRIER_HZ,
+    SPEED_OF_SOUND_MPS,
     Air,
+    absorption_db_per_m,
     add_pulses,
     make_rays,
     pulse_table,
+    speed_of_sound_mps,
 )
-from elfslam.world.ringing import ringing
 from elfslam.world.scene import Scene
+from elfslam.world.transducers import Lobes, ringing
 
 FRAME_S = 1.0 / BIN_HZ
 BODY_REFLECTION = 0.25
@@ -160,7 +161,6 @@ def one_phone(ends, row):
 
 @kernel
 def _render_rows(out, falling, scene, ends, people, paths, rays, reach, air, table):
-    """Writes the echoes of each phone to its row; the first row that does not fit, or -1."""
     for row in range(out.shape[0]):
         phone, about = one_phone(ends, row), people[row]
         if not add_echoes(

@@ -70,7 +70,6 @@ def _library() -> ModuleType:
 
 
 def _refuse(scene: Scene, ends: Transducers, people_m: F64, reach: Reach) -> None:
-    """One line for whatever pyroomacoustics has no model of."""
     low = scene.block_low > TOUCH_M
     unknown = {
         "blocks that do not reach from floor to ceiling": low.any()
@@ -84,7 +83,8 @@ def _refuse(scene: Scene, ends: Transducers, people_m: F64, reach: Reach) -> Non
     found = [name for name, is_there in unknown.items() if is_there]
     if found:
         raise InputError(
-            f"pyroomacoustics models no {', '.join(found)}; take --kind quiet or another engine"
+            f"pyroomacoustics models no {', '.join(found)}; take quiet walks or another engine",
+            argument="kind",
         )
     outline_m = scene.face_a[: scene.outer]
     if not all(in_ring(outline_m, end[:, :2]).all() for end in (ends.speaker, ends.microphone)):
@@ -114,7 +114,6 @@ def _is_box(scene: Scene) -> bool:
 
 
 def _room(library: Any, scene: Scene, ends: Transducers, row: int, reach: Reach) -> Any:
-    """The pyroomacoustics room of a scene with one speaker and one microphone in it."""
     room = _box(library, scene, reach) if _is_box(scene) else _solids(library, scene, reach)
     origin = _origin(scene)
     lobes = (

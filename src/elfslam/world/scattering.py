@@ -210,7 +210,6 @@ def _trace_particle(noted, count, faces, patches, boxes, walls, first, energy, d
 
 @kernel
 def _trace_particles(noted, faces, patches, boxes, walls, draws):
-    """Follows the particles of every patch; how many chains were noted."""
     count, particles = 0, draws.shape[1]
     for first in range(draws.shape[0]):
         f = patches.face[first]

@@ -120,7 +120,6 @@ def scene_of(room: Room) -> Scene:
 
 
 def _mirrors(room: Room) -> tuple[F64, F64, F64, F64]:
-    """Gain and fall of every upright face, and of every block's top."""
     walls = np.array([[side.reflection, side.mirror_fall] for side in room.walls])
     tops = np.array(
         [[block.surface.reflection, block.surface.mirror_fall] for block in room.blocks]

@@ -13,14 +13,7 @@ import numpy as np
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Emr, Magnetometer, WifiScans
-from elfslam.world.magnetic_field import (
-    AK09911,
-    MagneticField,
-    Magnetism,
-    magnetic_field,
-    read_magnetometer,
-)
-from elfslam.world.mains import MainsParameters, PowerLine, listen_to_mains
+from elfslam.world import magnetic
 from elfslam.world.room import Room
 from elfslam.world.toml_tables import LARGEST_M
 from elfslam.world.walker import Motion
@@ -47,8 +40,8 @@ class Surroundings:
     walls_m: F64
     seed: int
     access_points: tuple[AccessPoint, ...] = ()
-    field: MagneticField | None = None
-    power_lines: tuple[PowerLine, ...] = ()
+    field: magnetic.MagneticField | None = None
+    power_lines: tuple[magnetic.PowerLine, ...] = ()
 
 
 class Readings(TypedDict, total=False):
@@ -74,11 +67,11 @@ def read_surroundings(table: Mapping[str, Any], room: Room, seed: int) -> Surrou
     Raises InputError that names the element.
     """
     points = _elements(table, "access_point", "bssid", AccessPoint, _check_access_point)
-    lines = _elements(table, "power_line", "name", PowerLine, _check_power_line)
+    lines = _elements(table, "power_line", "name", magnetic.PowerLine, _check_power_line)
     field = None
     if "magnetic" in table:
-        magnetism = _made("magnetic", table["magnetic"], Magnetism, _check_magnetism)
-        field = magnetic_field(room, magnetism, np.random.default_rng([seed, 13]))
+        magnetism = _made("magnetic", table["magnetic"], magnetic.Magnetism, _check_magnetism)
+        field = magnetic.magnetic_field(room, magnetism, np.random.default_rng([seed, 13]))
     outline = room.outline_m
     walls_m = np.stack([outline, np.roll(outline, -1, axis=0)], axis=1)
     return Surroundings(walls_m, seed, points, field, lines)
@@ -106,12 +99,14 @@ def sense(
         _check_present(around.field, Sensor.MAGNETIC, "[magnetic]")
         assert around.field is not None
         generator = np.random.default_rng([seed, 3])
-        readings["magnetometer"] = read_magnetometer(motion, around.field, AK09911, generator)
+        readings["magnetometer"] = magnetic.read_magnetometer(
+            motion, around.field, magnetic.AK09911, generator
+        )
     if Sensor.EMR in sensors:
         _check_present(around.power_lines, Sensor.EMR, "[[power_line]]")
         generator = np.random.default_rng([seed, 4])
-        readings["emr"] = listen_to_mains(
-            motion, around.power_lines, around.seed, generator, MainsParameters()
+        readings["emr"] = magnetic.listen_to_mains(
+            motion, around.power_lines, around.seed, generator, magnetic.MainsParameters()
         )
     return readings
 
@@ -181,7 +176,7 @@ def _check_name(name: str, value: object) -> None:
         raise InputError(f"{name} is {value!r:.40}, wanted a name without commas; correct it")
 
 
-def _check_power_line(line: PowerLine) -> None:
+def _check_power_line(line: magnetic.PowerLine) -> None:
     _check_name("name", line.name)
     _check_place(line.from_m, line.to_m)
     if np.linalg.norm(line.to_m - line.from_m) < 0.01:
@@ -194,7 +189,7 @@ def _check_power_line(line: PowerLine) -> None:
     _check_number("current_a", float(current_a.max()))
 
 
-def _check_magnetism(magnetism: Magnetism) -> None:
+def _check_magnetism(magnetism: magnetic.Magnetism) -> None:
     for item in fields(magnetism):
         angle = item.name.endswith("_deg")
         _check_number(item.name, getattr(magnetism, item.name), -LARGEST if angle else 0.0)

@@ -85,7 +85,6 @@ def simulate(
 def _walked(
     world: World, route_m: F64, rounds: int, kind: str, generator: np.random.Generator
 ) -> tuple[Walker, Motion]:
-    """Who walks, and how."""
     if kind not in WALKERS:
         raise ParameterError(f"walker {kind!r}: wanted {' or '.join(WALKERS)}; correct it")
     if kind == WALKERS[0]:

@@ -15,9 +15,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
 from elfslam.base.arrays import F64
-from elfslam.world.port_occlusion import COVER_DB
-from elfslam.world.room import Room, floor_area_m2
-from elfslam.world.walkable import standing_room
+from elfslam.world.room import Room, floor_area_m2, standing_room
 from elfslam.world.walker import (
     KINEMATICS_RATE_HZ,
     Motion,
@@ -31,6 +29,8 @@ from elfslam.world.walker import (
     smooth_noise,
 )
 
+COVER_DB = (6.0, 20.0)
+"""What a hand or a case over a port takes at 17.5 kHz, at least and at most."""
 LANES_M = ((120.0, 0.3), (600.0, 0.5), (np.inf, 0.8))
 """Standard deviation of lanes in rooms, offices and halls: floor of up to so many m2."""
 LANE_S = 25.0
@@ -205,7 +205,6 @@ def _velocity(person: Walker, way_m: float, generator: np.random.Generator) -> t
 
 
 def _leg(person: Walker, length_m: float, generator: np.random.Generator) -> F64:
-    """Speeds of a way of this length, from rest to rest."""
     most = int(length_m / (0.4 * person.speed_mps) * KINEMATICS_RATE_HZ) + 800
     speed = person.speed_mps * (1 + 0.1 * smooth_noise(generator, most, 4.0))
     speed = np.maximum(speed, 0.5 * person.speed_mps)

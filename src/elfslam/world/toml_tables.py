@@ -109,7 +109,6 @@ def _label(kind: str, number: int, name: object) -> str:
 
 
 def _lines_of(parent: Table, kind: str, number: int) -> Lines:
-    """Lines of a table; those of the key that holds it where it has no header of its own."""
     own = parent.inner.get((kind, number))
     return own or {"": parent.lines.get(kind, parent.lines[""])}
 

@@ -204,7 +204,6 @@ def smooth_lap(route_m: F64) -> tuple[F64, float]:
 
 
 def _evenly_sampled(ring_m: F64) -> tuple[F64, float]:
-    """Points along a closed polygon, about a centimetre apart, and its length."""
     closed = np.vstack([ring_m, ring_m[:1]])
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1))])
     at = np.linspace(0.0, along[-1], round(along[-1] / 0.01), endpoint=False)

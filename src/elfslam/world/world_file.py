@@ -13,12 +13,10 @@ import numpy as np
 from elfslam.base.arrays import F64, Value, array
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import MOST_TOML_BYTES, read_text
-from elfslam.world.door_file import read_doors
 from elfslam.world.doors import HingedDoor, room_to_walk_in
-from elfslam.world.magnetic_field import Magnetism
-from elfslam.world.mains import PowerLine
-from elfslam.world.room import Room
-from elfslam.world.room_file import ROOM_KEYS, read_room, read_states
+from elfslam.world.magnetic import Magnetism, PowerLine
+from elfslam.world.room import HALF_WIDTH_M, Room, fault_of_route, standing_room
+from elfslam.world.room_file import ROOM_KEYS, read_doors, read_room, read_states
 from elfslam.world.sensors import Surroundings, read_surroundings
 from elfslam.world.toml_tables import (
     Table,
@@ -32,7 +30,6 @@ from elfslam.world.toml_tables import (
     text,
     vector,
 )
-from elfslam.world.walkable import HALF_WIDTH_M, fault_of_route, standing_room
 from elfslam.world.wifi import AccessPoint
 
 SPOTS_AT_ONCE = 1000
@@ -178,7 +175,6 @@ def _spots(top: Table) -> F64:
 
 
 def _grid(grid: Table) -> F64:
-    """Points from one corner to the other, every so many metres, along x first."""
     check_keys(grid, ("from_m", "to_m", "spacing_m"))
     spacing_m = number(grid, "spacing_m", low=0.01)
     start, end = vector(grid, "from_m", 2), vector(grid, "to_m", 2)

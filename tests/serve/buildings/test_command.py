@@ -13,8 +13,7 @@ from starlette.testclient import TestClient
 
 from elfslam.base.values import FloorMap, Imu, Recording, WifiScans
 from elfslam.cli.app import run
-from elfslam.data.facts import ENCODER
-from elfslam.data.map_files import MAP, write_map
+from elfslam.data.map_files import ENCODER, MAP, write_map
 from elfslam.data.recordings import write_recording
 from elfslam.serve.buildings.tables import Floor
 from elfslam.serve.services import Services

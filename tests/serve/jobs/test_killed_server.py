@@ -15,7 +15,7 @@ import pytest
 
 from elfslam.app.map import MapJob, map_into
 from elfslam.app.settings import Settings
-from elfslam.data.tum import read_tum
+from elfslam.data.position_files import read_tum
 from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.scoring.truth import read_truth
 from elfslam.serve.jobs.work import STAGES

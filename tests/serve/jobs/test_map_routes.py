@@ -18,7 +18,7 @@ from starlette.testclient import TestClient
 
 from elfslam.data.geographic import Origin, from_lon_lat
 from elfslam.data.map_files import read_map
-from elfslam.data.tum import read_tum
+from elfslam.data.position_files import read_tum
 from elfslam.serve.maps.view import view_of
 from elfslam.serve.services import Services
 from elfslam.serve.store.database import new_id

@@ -17,7 +17,7 @@ from starlette.testclient import TestClient
 
 from elfslam.base.geometry import compose
 from elfslam.base.values import Checkpoints
-from elfslam.data.facts import BY_TAPS
+from elfslam.data.map_files import BY_TAPS
 from elfslam.data.recordings import MANIFEST, read_recording, write_recording
 from elfslam.scoring.truth import read_truth
 from elfslam.serve.jobs.tasks import frame_of

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from elfslam.data.points_of_interest_files import LONGEST_NAME, MOST, POINTS_OF_INTEREST
+from elfslam.data.named_places import LONGEST_NAME, MOST, POINTS_OF_INTEREST
 from tests.serve.jobs.conftest import Remember as Keep
 
 ROOM = {"name": "Room 5", "kind": "room", "x_m": 1.25, "y_m": -2.0}

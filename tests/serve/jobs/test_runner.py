@@ -16,7 +16,7 @@ from starlette.testclient import TestClient
 
 from elfslam.app.map import MapJob, map_into
 from elfslam.app.settings import Settings
-from elfslam.data.fixes_files import read_fixes
+from elfslam.data.position_files import read_fixes
 from elfslam.serve.app import create_app
 from elfslam.serve.services import Services, open_services
 from tests.serve.jobs.conftest import start

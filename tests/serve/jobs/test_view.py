@@ -12,8 +12,8 @@ import pytest
 from elfslam.base.errors import StoreError
 from elfslam.base.values import Closures, Odometry, Recording, Run, Trajectory
 from elfslam.data.map_files import read_map
+from elfslam.data.position_files import read_tum
 from elfslam.data.runs import write_run
-from elfslam.data.tum import read_tum
 from elfslam.serve.maps.view import MOST_CLOSURES, Json, view_of
 from elfslam.slam.pipeline import no_similarity
 

@@ -20,7 +20,7 @@ from planted_plans import pdf
 from starlette.testclient import TestClient
 
 from elfslam.base.values import FloorMap
-from elfslam.data.plan_svg import NAMESPACE
+from elfslam.data.plan_pictures import NAMESPACE
 from elfslam.serve.parsing.children import Children
 from elfslam.serve.parsing.turns import OF_ONE, WAITING
 from elfslam.serve.services import Services

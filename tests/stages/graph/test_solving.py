@@ -16,7 +16,7 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import NoAnswerError
 from elfslam.base.geometry import between, chain, compose, wrap_angle
 from elfslam.base.values import Closures, Odometry, PoseGraph, Trajectory
-from elfslam.data.g2o import read_g2o
+from elfslam.data.map_exports import read_g2o
 from elfslam.stages.graph import GraphParameters, build_graph, optimise
 
 ROBUST = GraphParameters(noise_rounds=0)

@@ -1,11 +1,14 @@
-"""What all workers have in common."""
+"""What all workers have in common, units of work, and this process as the simplest worker."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterable, Iterator
-from typing import Protocol, TypeVar
+import hashlib
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from functools import partial
+from typing import Any, Protocol, TypeVar
 
 from elfslam.base.errors import WorkerError
+from elfslam.base.progress import Announce
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -62,3 +65,83 @@ class WorkerDiedError(WorkerError):
 
 class WorkersAwayError(WorkerError):
     """Whoever had the workers is gone; they have to be opened again."""
+
+
+def unit_key(do: Callable[..., Any], task: object) -> str:
+    """The digest of a unit's inputs: which function, what it is given besides, and the task.
+
+    Inputs count as they are shown (`repr`): frozen dataclasses and plain values show all of
+    themselves; functions by their names. What only says how it goes (`silent_elsewhere`) does
+    not count.
+    """
+    return hashlib.sha256(f"{_shown(do)}: {task!r}".encode()).hexdigest()[:24]
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, partial):
+        named = sorted(value.keywords.items())
+        given = [*value.args, *(each for each in named if not isinstance(each[1], Announcement))]
+        return f"{_shown(value.func)}({', '.join(_shown(each) for each in given)})"
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(_shown(each) for each in value.items())}}}"
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(_shown(each) for each in value)}]"
+    if callable(value) and hasattr(value, "__qualname__"):
+        return f"{value.__module__}.{value.__qualname__}"
+    return repr(value)
+
+
+def by_one_thread(do: Callable[[Task], Result], task: Task) -> Result:
+    """What `do` makes of the task with one thread for its sums.
+
+    How many threads share a sum decides its last bits, and workers of different kinds would differ.
+    """
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1):
+        return do(task)
+
+
+class Announcement:
+    """Says how far the work is, where the driver runs, and nothing anywhere else."""
+
+    def __init__(self, announce: Announce) -> None:
+        self._announce = announce
+
+    def __call__(self, text: str, share: float | None) -> None:
+        """Say what is being done and how much of it is."""
+        self._announce(text, share)
+
+    def __reduce__(self) -> tuple[Callable[[Announce], Announcement], tuple[Announce]]:
+        return Announcement, (_nothing,)
+
+
+def silent_elsewhere(announce: Announce) -> Announcement:
+    """`announce` for a unit's function: it may travel to another process, and is silent there."""
+    return announce if isinstance(announce, Announcement) else Announcement(announce)
+
+
+def _nothing(text: str, share: float | None) -> None:
+    return None
+
+
+class SerialWorkers:
+    """This process."""
+
+    count = 1
+
+    def each(
+        self, do: Callable[[Task], Result], tasks: Iterable[Task]
+    ) -> Iterator[tuple[int, Result]]:
+        """As `Workers` says; in the order of the tasks."""
+        for index, task in enumerate(tasks):
+            yield index, by_one_thread(do, task)
+
+    def in_order(self, do: Callable[[Task], Result], tasks: Iterable[Task]) -> Generator[Result]:
+        """As `Workers` says; each when it is asked for."""
+        for task in tasks:
+            yield do(task)
+
+    def watch(self, do: Callable[[Task], Iterator[News]], task: Task) -> Iterator[News]:
+        """As `Watchers` says; `do` itself says nothing every while."""
+        return do(task)

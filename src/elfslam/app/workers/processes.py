@@ -1,25 +1,87 @@
-"""Work in processes of this machine. One that dies costs the task that it was working on."""
+"""Work in processes of this machine. One that dies costs the task that it was working on.
+
+What a worker (`main`) is asked and answers goes over a socket, pickled: first what it needs in
+order to import as its parent does, then functions with their tasks, one after the other.
+"""
 
 from __future__ import annotations
 
 import queue
+import signal
+import sys
 import threading
+import traceback
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
-from multiprocessing import Pipe
+from multiprocessing import Pipe, process, spawn
 from multiprocessing.connection import Connection
+from multiprocessing.reduction import ForkingPickler
+from types import FrameType
 from typing import Any
 
 from elfslam.app.workers.child import Child, end_children
-from elfslam.app.workers.interface import Result, Task
-from elfslam.app.workers.units import by_one_thread
-from elfslam.app.workers.worker import Answer, preparation
+from elfslam.app.workers.interface import Result, Task, by_one_thread
 from elfslam.base.errors import WorkerError
 
-WORKER = "elfslam.app.workers.worker"
+WORKER, TERMINATED = __name__, 128 + signal.SIGTERM
+"""The module that a worker runs, and how it exits where it is told to."""
+Answer = tuple[Any, BaseException | None]
+
+
+def preparation() -> dict[str, Any]:
+    """What a worker needs in order to import as this process does. Raises RuntimeError in one."""
+    told = spawn.get_preparation_data("worker")
+    del told["authkey"]
+    return told
+
+
+def main() -> None:
+    """Be a worker: do one task after the other until nobody asks any more."""
+    signal.signal(signal.SIGTERM, _unwind)
+    line: Connection[Answer, Any] = Connection(int(sys.argv[1]))
+    with suppress(EOFError, ConnectionError):
+        _prepare(line.recv())
+        while True:
+            _say(line, _answer_to(line.recv_bytes()))
+
+
+def _prepare(told: dict[str, Any]) -> None:
+    """Import as the parent does; a main module that begins workers when imported is refused."""
+    current: Any = process.current_process()
+    current._inheriting = True
+    spawn.prepare(told)
+    current._inheriting = False
+
+
+def _answer_to(asked: bytes) -> Answer:
+    """What came of a task, or how that failed, with where."""
+    try:
+        do, task = ForkingPickler.loads(asked)
+        return do(task), None
+    except Exception as error:
+        error.add_note(f"In a worker:\n{traceback.format_exc()}")
+        return None, error
+
+
+def _say(line: Connection[Answer, Any], answer: Answer) -> None:
+    try:
+        line.send(answer)
+    except ConnectionError:
+        raise
+    except Exception as error:
+        line.send((None, error))
+
+
+def _unwind(number: int, frame: FrameType | None) -> None:
+    """Tidy up on the way out, and say nothing of what breaks there."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    sys.unraisablehook = lambda hidden: None
+    raise SystemExit(TERMINATED)
+
+
 GRACE_S = 5.0
 """How long a worker may take to tidy up."""
 MOST_TRIES = 3
@@ -99,7 +161,6 @@ class Processes:
 def _taken(
     found: queue.Queue[Outcome[Result] | None], workers: int
 ) -> Iterator[tuple[int, Result]]:
-    """What is found until every worker has ended; the first error is raised."""
     while workers:
         outcome = found.get()
         if outcome is None:

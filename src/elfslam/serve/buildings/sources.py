@@ -7,10 +7,8 @@ from pathlib import Path
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import WifiScans
-from elfslam.data.facts import ENCODER
-from elfslam.data.map_files import MAP, read_map
-from elfslam.data.merged_maps import is_superimposed
-from elfslam.data.wifi_table import read_wifi
+from elfslam.data.map_files import ENCODER, MAP, is_superimposed, read_map
+from elfslam.data.sensor_files import read_wifi
 from elfslam.serve.buildings.publishing import NewFloor, Spot
 from elfslam.serve.buildings.wifi import FloorPoints, WifiFindParameters, points_on
 from elfslam.serve.jobs.tasks import FLOOR_PLAN

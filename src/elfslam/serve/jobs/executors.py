@@ -9,8 +9,7 @@ from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 
-from elfslam.app.workers import SerialWorkers
-from elfslam.app.workers.choosing import is_ray, open_watchers
+from elfslam.app.workers import SerialWorkers, is_ray, open_watchers
 from elfslam.serve.jobs.child import Begin, Progress, Result, begin_anew, child_news
 from elfslam.serve.jobs.preforked import loaded
 from elfslam.serve.jobs.queue import MOST_ATTEMPTS

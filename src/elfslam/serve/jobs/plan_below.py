@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from elfslam.data.facts import BY_TAPS
+from elfslam.data.map_files import BY_TAPS
 from elfslam.serve.jobs.tasks import FLOOR, FLOOR_PLAN, FRAME, frame_of, name_of
 from elfslam.serve.sharing.rights import Principal, Right, right_in
 from elfslam.serve.store.database import Map, MapFile, Recording

@@ -11,7 +11,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from elfslam.data.facts import MISSING
+from elfslam.data.map_files import MISSING
 from elfslam.serve.jobs.child import Result
 from elfslam.serve.jobs.folder import OUT
 from elfslam.serve.jobs.plan_below import lay_on_plan_of_first, lay_on_tapped_plan

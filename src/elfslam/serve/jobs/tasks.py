@@ -13,7 +13,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from elfslam.base.errors import InputError
-from elfslam.data.facts import BY_TAPS
+from elfslam.data.map_files import BY_TAPS
 from elfslam.serve.jobs.folder import GIVEN, TASK
 from elfslam.serve.jobs.queue import Claim
 from elfslam.serve.services import Services

@@ -30,10 +30,9 @@ from elfslam.base.errors import ElfslamError, NoAnswerError
 from elfslam.base.geometry import path_length_m
 from elfslam.base.progress import Announce
 from elfslam.base.values import FixStatus, Run
-from elfslam.data.facts import MISSING, read_facts
-from elfslam.data.fixes_files import write_fixes
-from elfslam.data.geojson_files import walk_lines
-from elfslam.data.map_files import read_map
+from elfslam.data.map_exports import walk_lines
+from elfslam.data.map_files import MISSING, read_facts, read_map
+from elfslam.data.position_files import write_fixes
 from elfslam.data.recordings import read_recording
 from elfslam.serve.jobs.folder import DISK_FULL, FIXES, GIVEN, OUT, TASK
 from elfslam.slam import pipeline as slam

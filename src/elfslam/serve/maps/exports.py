@@ -12,9 +12,9 @@ from pydantic import BaseModel, Field
 
 from elfslam.base.enums import Format
 from elfslam.base.errors import ElfslamError, ParameterError
-from elfslam.data.facts import ENCODER, FACTS
 from elfslam.data.geographic import parse_origin
 from elfslam.data.imdf import Venue
+from elfslam.data.map_files import ENCODER, FACTS
 from elfslam.serve.jobs.tasks import Named, file_name
 from elfslam.serve.maps.floors import level_of
 from elfslam.serve.positions.values import MapOrigin

@@ -18,8 +18,7 @@ from elfslam.base.errors import InputError, StoreError
 from elfslam.base.parameters import as_dict
 from elfslam.base.points_of_interest import PointOfInterest
 from elfslam.base.values import FloorMap
-from elfslam.data.facts import ENCODER
-from elfslam.data.map_files import MAP, read_map
+from elfslam.data.map_files import ENCODER, MAP, read_map
 from elfslam.data.tiles import encoder_identity, stretches_of, tiles_of
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
 from elfslam.serve.maps.point_routes import points_of

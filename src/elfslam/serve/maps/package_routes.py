@@ -9,7 +9,7 @@ from fastapi.responses import FileResponse
 from pydantic import BaseModel
 from sqlalchemy import or_, select, union_all
 
-from elfslam.data.facts import ENCODER
+from elfslam.data.map_files import ENCODER
 from elfslam.serve.buildings.fetching import published_manifest, published_part
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
 from elfslam.serve.maps.package import package_of

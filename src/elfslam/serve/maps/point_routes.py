@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 
 from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.points_of_interest import PointKind, PointOfInterest
-from elfslam.data.points_of_interest_files import (
+from elfslam.data.named_places import (
     LONGEST_NAME,
     MOST,
     POINTS_OF_INTEREST,

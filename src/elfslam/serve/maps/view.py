@@ -13,13 +13,11 @@ from scipy.spatial import cKDTree
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.values import FloorMap
-from elfslam.data.facts import read_facts
-from elfslam.data.geojson_files import sigma_m, walk_lines
-from elfslam.data.map_files import read_map
-from elfslam.data.merged_maps import MERGED, QUALITY, TRAJECTORIES, is_merged
+from elfslam.data.map_exports import sigma_m, walk_lines
+from elfslam.data.map_files import MERGED, QUALITY, TRAJECTORIES, is_merged, read_facts, read_map
 from elfslam.data.npz import read_npz
+from elfslam.data.position_files import read_tum
 from elfslam.data.tables import read_lines, read_table
-from elfslam.data.tum import read_tum
 
 MOST_POINTS = 20_000
 """Of all walks together, and of all dead reckoning: two hours are 14,400 footsteps."""

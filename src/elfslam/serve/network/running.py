@@ -11,7 +11,7 @@ from pathlib import Path
 import segno
 from sqlalchemy import Engine
 
-from elfslam.app.workers.choosing import why_away
+from elfslam.app.workers import why_away
 from elfslam.base.errors import InputError
 from elfslam.serve.app import create_app
 from elfslam.serve.buildings.files import open_files

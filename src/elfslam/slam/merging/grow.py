@@ -158,7 +158,8 @@ def check_encoders(named: Sequence[tuple[str, str]]) -> None:
         if encoder != named[0][1]:
             raise InputError(
                 f"merge: {named[0][0]} was made with encoder {named[0][1]}, {name} with {encoder}; "
-                "map them again with the same --encoder"
+                "map them again with the same encoder",
+                argument="encoder",
             )
 
 

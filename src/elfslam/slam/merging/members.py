@@ -59,7 +59,8 @@ def walk_of(run: Run) -> MappedWalk:
     """What merging needs of a run. Raises InputError where the run has no sound."""
     if run.features is None or len(run.odometry.t_s) < 2:
         raise InputError(
-            f"{run.name}: was mapped without sound; map it with --by elf, only echoes are merged"
+            f"{run.name}: was mapped without sound; map it by elf, only echoes are merged",
+            argument="by",
         )
     evidence = run.odometry, run.trajectory, run.closures, run.features
     return MappedWalk(run.name, *evidence, run.points_of_interest, run.checkpoints)

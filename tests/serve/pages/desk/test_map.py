@@ -20,7 +20,7 @@ import pytest
 from elfslam.app.export import ExportContext, export
 from elfslam.base.enums import Format
 from elfslam.data.geographic import parse_origin
-from elfslam.data.tum import read_tum
+from elfslam.data.position_files import read_tum
 from elfslam.serve.store import blobs
 from elfslam.serve.store.database import JobFile, JobKind, JobState, transaction
 

@@ -11,8 +11,7 @@ import pytest
 from scipy import signal
 
 from elfslam.base.values import Audio
-from elfslam.data.baseband import Baseband, in_band, to_baseband
-from elfslam.data.baseband_files import read_baseband
+from elfslam.data.baseband import Baseband, in_band, read_baseband, to_baseband
 from elfslam.data.recordings import read_recording
 from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.stages.echo import EchoParameters, find_arrivals, matched_envelope, to_echo_rate

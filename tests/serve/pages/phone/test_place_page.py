@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.values import Audio, FixStatus, FloorMap, Payload
-from elfslam.data.fixes_files import read_fixes
+from elfslam.data.position_files import read_fixes
 from elfslam.serve.buildings.publishing import Spot, publish, withdraw
 from elfslam.serve.buildings.sources import floor_of
 from elfslam.serve.buildings.wifi import WifiFindParameters

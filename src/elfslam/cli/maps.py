@@ -1,0 +1,149 @@
+"""elfslam anchor, export and show: what is done with a map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from elfslam.app.anchor import Plan, Start, anchor_into, follow_into, read_plan
+from elfslam.app.console import say
+from elfslam.app.export import ExportContext, export
+from elfslam.app.settings import Settings
+from elfslam.app.show import show_into
+from elfslam.base.arrays import F64
+from elfslam.base.bounds import FARTHEST_M
+from elfslam.base.enums import Format
+from elfslam.base.errors import NoAnswerError, ParameterError
+from elfslam.base.parameters import load
+from elfslam.cli.options import Force, ParameterFile, Setting
+from elfslam.data.geographic import parse_origin
+from elfslam.data.imdf import read_place
+from elfslam.stages.floor_plan_alignment import AMBIGUOUS, NOWHERE, Placement
+
+TOLD_SIGMA = np.array([0.5, 0.5, 0.2])
+"""How well people say where a walk begins and whereto, m, m, rad."""
+
+
+def anchor_command(
+    source: Annotated[Path, typer.Argument(metavar="RUN|MAP", help="What is to be placed.")],
+    plan: Annotated[str, typer.Argument(help="plan.png:WIDTH_M or plan.geojson[:LEVEL].")],
+    out: Annotated[Path, typer.Argument(help="The map folder, in the frame of the plan.")],
+    start: Annotated[
+        str | None, typer.Option(help="X,Y[,HEADING_RAD] of the first walk's start, m.")
+    ] = None,
+    follow: Annotated[
+        bool, typer.Option("--follow", help="Bend the walk through the plan's passages.")
+    ] = False,
+    parameter_file: ParameterFile = None,
+    setting: Setting = None,
+) -> None:
+    """Place a map on a floor plan: where its walks keep to accessible ground."""
+    settings = load(Settings(), parameter_file, setting or [])
+    where, told = read_plan(plan), _numbers(start)
+    if follow:
+        _follow(source, where, out, settings, told)
+        return
+    placement = anchor_into(
+        out, source, where, settings.anchoring, None if told is None else told[:2]
+    )
+    if placement.status == NOWHERE:
+        raise NoAnswerError(
+            f"{source}: {placement.off_share:.0%} of it is off accessible ground wherever it is "
+            f"placed on {plan}; is it that floor, and is the width right?"
+        )
+    if placement.status == AMBIGUOUS:
+        raise NoAnswerError(
+            f"{source}: fits {plan} in several ways, {_several(placement)}; say with --start "
+            "where the first walk began"
+        )
+    say(f"wrote {out}: {_told(placement)}")
+    if where.origin is not None:
+        lies = f"{where.origin.latitude_deg},{where.origin.longitude_deg}"
+        say(f"on the Earth: elfslam export {out} --origin {lies}")
+
+
+def _follow(source: Path, plan: Plan, out: Path, settings: Settings, told: F64 | None) -> None:
+    start = None
+    if told is not None:
+        if len(told) < 3:
+            raise ParameterError(
+                "--follow: wanted --start X,Y,HEADING_RAD or none; say the heading"
+            )
+        start = Start(told, np.diag(np.square(TOLD_SIGMA)))
+    followed = follow_into(out, source, plan, (settings.anchoring, settings.map_matching), start)
+    variance = np.trace(followed.covariance[:, :2, :2], axis1=1, axis2=2).mean() / 2
+    say(f"wrote {out}: followed through the plan, sigma {np.sqrt(variance):.2f} m")
+
+
+def _numbers(text: str | None) -> F64 | None:
+    if text is None:
+        return None
+    try:
+        told = np.array([float(cell) for cell in text.split(",")])
+    except ValueError:
+        told = np.empty(0)
+    # NaN fails the comparison.
+    if len(told) not in (2, 3) or not (np.abs(told) < FARTHEST_M).all():
+        raise ParameterError(
+            f"--start {text!r}: wanted X,Y in metres on the plan, such as 3.5,1, and perhaps the "
+            "heading in radians"
+        )
+    return told
+
+
+def _told(placement: Placement) -> str:
+    x, y, heading = placement.plan_from_map
+    sigma = np.sqrt(np.diag(placement.covariance))
+    return (
+        f"origin at {x:.2f}, {y:.2f} m, x axis at {np.rad2deg(heading):.1f} degrees, "
+        f"scale {placement.scale:.3f}; sigma {np.hypot(*sigma[:2]) / np.sqrt(2):.2f} m and "
+        f"{np.rad2deg(sigma[2]):.1f} degrees; probability {placement.shares[0]:.2f}"
+    )
+
+
+def _several(placement: Placement) -> str:
+    poses = np.vstack([placement.plan_from_map, placement.others])
+    return ", ".join(
+        f"{share:.0%} at {x:.1f},{y:.1f} m turned {np.rad2deg(heading):.0f} degrees"
+        for share, (x, y, heading) in zip(placement.shares[:4], poses[:4], strict=True)
+    )
+
+
+def export_command(
+    source: Annotated[Path, typer.Argument(metavar="RUN|MAP", help="What is to be exported.")],
+    out: Annotated[Path, typer.Argument(help="The file to be written.")],
+    to: Annotated[str, typer.Option(help=f"{', '.join(Format)}.")],
+    origin: Annotated[
+        str | None, typer.Option(help="LAT,LON[,BEARING_DEG] of the map's origin and x axis.")
+    ] = None,
+    place: Annotated[Path | None, typer.Option(help="TOML file about the venue, for imdf.")] = None,
+    resolution: Annotated[
+        float, typer.Option(help="Pixels of the ROS map, m.")
+    ] = ExportContext.pixel_m,
+    force: Force = False,
+) -> None:
+    """Write a run or a map in the format of other programs."""
+    if to not in list(Format):
+        raise ParameterError(f"--to: wanted {', '.join(Format)}, got {to!r}; choose one")
+    told = ExportContext(
+        None if origin is None else parse_origin(origin),
+        None if place is None else read_place(place),
+        resolution,
+    )
+    export(source, out, Format(to), told, overwrite=force)
+    say(f"wrote {out}")
+
+
+def show(
+    what: Annotated[
+        str, typer.Argument(metavar="RUN|MAP|WORLD|PAGE.html", help="What to look at.")
+    ],
+    out: Annotated[Path, typer.Argument(metavar="OUT.html", help="Where the page goes.")],
+    force: Force = False,
+) -> None:
+    """Make one file of a run, a map, a world or a page with its script, to be sent around."""
+    show_into(out, what, overwrite=force)
+    say(f"look at {out}")
