@@ -14,7 +14,7 @@ from elfslam.app.settings import Settings
 from elfslam.app.workers.processes import Processes
 from elfslam.base.enums import Modality
 from elfslam.base.errors import StoreError
-from elfslam.base.progress import silent
+from elfslam.base.values import silent
 from elfslam.data.recordings import write_recording
 from elfslam.world.simulate import load_world, simulate
 

@@ -13,8 +13,7 @@ import pytest
 
 from elfslam.app.merge import merge_into
 from elfslam.base.errors import InputError, NoAnswerError, StoreError
-from elfslam.base.points_of_interest import PointKind, PointOfInterest
-from elfslam.base.values import Run
+from elfslam.base.values import PointKind, PointOfInterest, Run
 from elfslam.data.map_files import read_map
 from elfslam.data.merged_maps import walk_in
 from elfslam.data.points_of_interest_files import read_points

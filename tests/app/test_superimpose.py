@@ -13,8 +13,7 @@ import pytest
 
 from elfslam.app.superimpose import drawn
 from elfslam.base.geometry import interpolate_poses
-from elfslam.base.points_of_interest import PointKind, PointOfInterest
-from elfslam.base.values import ECHO_SAMPLES, FixStatus
+from elfslam.base.values import ECHO_SAMPLES, FixStatus, PointKind, PointOfInterest
 from elfslam.cli.app import run
 from elfslam.data.fixes_files import read_fixes
 from elfslam.data.map_files import read_map

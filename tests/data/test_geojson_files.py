@@ -11,8 +11,7 @@ import pytest
 import shapely
 from shapely.geometry import shape
 
-from elfslam.base.points_of_interest import PointKind, PointOfInterest
-from elfslam.base.values import FloorMap
+from elfslam.base.values import FloorMap, PointKind, PointOfInterest
 from elfslam.data.geographic import Origin, from_lon_lat
 from elfslam.data.geojson_files import walk_lines, write_geojson
 

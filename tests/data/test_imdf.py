@@ -14,7 +14,7 @@ import pytest
 from shapely.geometry import shape
 
 from elfslam.base.errors import InputError
-from elfslam.base.points_of_interest import PointKind, PointOfInterest
+from elfslam.base.values import PointKind, PointOfInterest
 from elfslam.data.geographic import Origin
 from elfslam.data.imdf import Venue, imdf_archive, read_imdf, read_place, write_imdf
 from elfslam.data.imdf_rules import POLYGONAL, crosses_itself, faults_of

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from elfslam.base.errors import InputError
-from elfslam.base.points_of_interest import PointKind, PointOfInterest
+from elfslam.base.values import PointKind, PointOfInterest
 from elfslam.data.points_of_interest_files import (
     MOST,
     POINTS_OF_INTEREST,

@@ -11,8 +11,15 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import InputError, StoreError
-from elfslam.base.points_of_interest import PointKind, PointOfInterest
-from elfslam.base.values import Checkpoints, Closures, Recording, Run, Truth
+from elfslam.base.values import (
+    Checkpoints,
+    Closures,
+    PointKind,
+    PointOfInterest,
+    Recording,
+    Run,
+    Truth,
+)
 from elfslam.data.facts import read_facts
 from elfslam.data.recordings import write_recording
 from elfslam.data.runs import digest_of, read_run, write_run

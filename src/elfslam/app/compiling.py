@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from numba.core.event import Event, Listener, install_listener
 
-from elfslam.base.progress import Announce
+from elfslam.base.values import Announce
 
 COMPILED = "numba:compile"
 """What numba calls it when a function is compiled; one that it kept on disk is not."""

@@ -20,8 +20,7 @@ from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.enums import Modality
 from elfslam.base.errors import InputError, NoAnswerError, ParameterError, StoreError
 from elfslam.base.parameters import as_dict, digest
-from elfslam.base.progress import Announce, silent
-from elfslam.base.values import Echoes, Recording, Run
+from elfslam.base.values import Announce, Echoes, Recording, Run, silent
 from elfslam.data.atomic_files import new_file, new_folder, refuse_occupied
 from elfslam.data.facts import BY_TAPS, FACTS, MISSING, NOTES
 from elfslam.data.recordings import read_recording

@@ -9,7 +9,7 @@ from pathlib import Path
 from elfslam.app.map import MapJob, mapped_run, refuse_taken, units_of
 from elfslam.app.workers import SerialWorkers, Workers
 from elfslam.base.errors import InputError, NoAnswerError, StoreError
-from elfslam.base.progress import Announce
+from elfslam.base.values import Announce
 from elfslam.data.facts import FACTS, read_facts
 from elfslam.data.runs import write_run
 

@@ -10,10 +10,8 @@ from pathlib import Path
 from elfslam.app.map import versions
 from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.base.parameters import as_dict, digest
-from elfslam.base.points_of_interest import PointOfInterest
-from elfslam.base.progress import Announce
 from elfslam.base.text_files import readable
-from elfslam.base.values import FloorMap, Trajectory
+from elfslam.base.values import Announce, FloorMap, PointOfInterest, Trajectory
 from elfslam.data.atomic_files import new_folder, refuse_occupied, settled
 from elfslam.data.facts import ENCODER
 from elfslam.data.map_files import read_map

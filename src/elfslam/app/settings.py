@@ -10,10 +10,9 @@ from elfslam.baselines.magnetic import (
     MagneticParameters,
 )
 from elfslam.baselines.neighbours import NeighbourParameters
-from elfslam.baselines.wifi import WIFI_CLOSURES, WifiFingerprintParameters
-from elfslam.baselines.wifi_places import PlaceParameters
+from elfslam.baselines.wifi import WIFI_CLOSURES, PlaceParameters, WifiFingerprintParameters
 from elfslam.learn.parameters import FinetuneParameters, FloorLevelParameters, PretrainParameters
-from elfslam.slam.merging.parameters import MergeParameters
+from elfslam.slam.merging.members import MergeParameters
 from elfslam.stages.closure import ClosureParameters
 from elfslam.stages.device_adaptation import PhoneParameters
 from elfslam.stages.floor_plan_alignment import AnchoringParameters

@@ -14,9 +14,8 @@ from elfslam.app.settings import Settings
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.parameters import as_dict, digest
-from elfslam.base.progress import Announce
 from elfslam.base.text_files import readable
-from elfslam.base.values import ELF_SIZE, FloorMap
+from elfslam.base.values import ELF_SIZE, Announce, FloorMap
 from elfslam.data.atomic_files import new_folder, refuse_occupied, settled
 from elfslam.data.map_files import read_map
 from elfslam.data.merged_maps import MERGED, SUPERIMPOSED, fill_merged, is_superimposed, walk_in

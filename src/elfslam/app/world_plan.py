@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from elfslam.scoring.world_figures import DrawnBlock, WorldPlan
+from elfslam.scoring.world_page import DrawnBlock, WorldPlan
 from elfslam.world.doors import blocks_of
 from elfslam.world.room import Block, Room
 from elfslam.world.world_file import World

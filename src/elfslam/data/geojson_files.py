@@ -11,8 +11,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.grid import Polygon
-from elfslam.base.points_of_interest import PointOfInterest
-from elfslam.base.values import FloorMap
+from elfslam.base.values import FloorMap, PointOfInterest
 from elfslam.data.geographic import Origin, bearings_deg, to_lon_lat
 
 DIGITS = 9

@@ -21,8 +21,8 @@ import elfslam
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.grid import Polygon, in_polygon, outlines, walked_grid
-from elfslam.base.points_of_interest import PointKind, PointOfInterest
 from elfslam.base.text_files import parse_json, read_toml
+from elfslam.base.values import PointKind, PointOfInterest
 from elfslam.base.zips import opened_zip
 from elfslam.data.geographic import Origin
 from elfslam.data.geojson_files import feature, point_of, polygon_of

@@ -10,8 +10,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
-from elfslam.base.points_of_interest import PointOfInterest
-from elfslam.base.values import FloorMap, Trajectory
+from elfslam.base.values import FloorMap, PointOfInterest, Trajectory
 from elfslam.data.facts import ENCODER, read_object
 from elfslam.data.map_files import MAP, write_map
 from elfslam.data.points_of_interest_files import write_points

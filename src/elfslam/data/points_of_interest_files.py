@@ -10,7 +10,7 @@ from pathlib import Path
 
 from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.errors import InputError
-from elfslam.base.points_of_interest import PointKind, PointOfInterest
+from elfslam.base.values import PointKind, PointOfInterest
 from elfslam.data.tables import read_named_rows
 
 POINTS_OF_INTEREST = "points_of_interest.csv"

@@ -10,8 +10,15 @@ from scipy.stats import chi2
 from elfslam.base.arrays import F64, I64, Bool
 from elfslam.base.geometry import compose
 from elfslam.base.parameters import parameter
-from elfslam.base.points_of_interest import PointKind, PointOfInterest
-from elfslam.base.values import NO_CLOSURES, Checkpoints, Closures, Odometry, Trajectory
+from elfslam.base.values import (
+    NO_CLOSURES,
+    Checkpoints,
+    Closures,
+    Odometry,
+    PointKind,
+    PointOfInterest,
+    Trajectory,
+)
 
 ANY_HEADING_RAD = 6.0
 """Whoever stands at a door may face anywhere."""

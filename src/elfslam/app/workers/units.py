@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from elfslam.app.workers.interface import Result, Task
-from elfslam.base.progress import Announce
+from elfslam.base.values import Announce
 
 
 def unit_key(do: Callable[..., Any], task: object) -> str:

@@ -28,8 +28,7 @@ from elfslam.base.arrays import F64
 from elfslam.base.enums import Modality, Mode, parse_stretch
 from elfslam.base.errors import ElfslamError, NoAnswerError
 from elfslam.base.geometry import path_length_m
-from elfslam.base.progress import Announce
-from elfslam.base.values import FixStatus, Run
+from elfslam.base.values import Announce, FixStatus, Run
 from elfslam.data.facts import MISSING, read_facts
 from elfslam.data.fixes_files import write_fixes
 from elfslam.data.geojson_files import walk_lines
