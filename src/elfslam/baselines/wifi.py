@@ -44,16 +44,16 @@ class WifiFingerprintParameters:
 
     variant: str = parameter("tuned", "", "tuned, or the paper's Euclidean distance")
     floor_dbm: float = parameter(
-        -93.0, "dBm", "what an access point counts that was not heard", low=-120.0, high=-50.0
+        -93.0, "dBm", "what an access point counts that was not heard", -120.0, -50.0
     )
     window_s: float = parameter(
-        3.0, "s", "sightings count half this far from the footstep (tuned)", low=0.1, high=60.0
+        3.0, "s", "sightings count half this far from the footstep (tuned)", 0.1, 60.0
     )
     power: float = parameter(
-        2.0, "", "exponent by which strong access points weigh more (tuned)", low=0.1, high=10.0
+        2.0, "", "exponent by which strong access points weigh more (tuned)", 0.1, 10.0
     )
     distance_scale_db: float = parameter(
-        20.0, "dB", "distance where the score falls to 1/e (paper)", low=0.1, high=1000.0
+        20.0, "dB", "distance where the score falls to 1/e (paper)", 0.1, 1000.0
     )
 
 
@@ -204,13 +204,13 @@ def _common_shares(here: F64, there: F64) -> F64:
 class PlaceParameters:
     """How many mapped places tell where one is, and how much the more alike ones count."""
 
-    count: int = parameter(12, "", "places whose mean is taken", low=1, high=1000)
-    wifi_power: float = parameter(8.0, "", "exponent of the Wi-Fi score in the weight", low=0.0)
+    count: int = parameter(12, "", "places whose mean is taken", 1, 1000)
+    wifi_power: float = parameter(8.0, "", "exponent of the Wi-Fi score in the weight", 0.0)
     sigma_m: float = parameter(
-        4.0, "m", "error of a position by Wi-Fi alone, besides how its places scatter", low=0.01
+        4.0, "m", "error of a position by Wi-Fi alone, besides how its places scatter", 0.01
     )
     near_m: float = parameter(
-        15.0, "m", "the field is compared with places so near to where Wi-Fi has the walk", low=0.1
+        15.0, "m", "the field is compared with places so near to where Wi-Fi has the walk", 0.1
     )
 
 

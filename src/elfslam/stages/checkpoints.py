@@ -40,10 +40,10 @@ class CheckpointParameters:
     """What a tap on "I am here" says."""
 
     sigma_m: float = parameter(
-        0.4, "m", "how far from a named place its walker stands, per axis", low=0.01, high=100.0
+        0.4, "m", "how far from a named place its walker stands, per axis", 0.01, 100.0
     )
     slack_s: float = parameter(
-        2.0, "s", "a tap this long before or after all footsteps still counts", low=0.0, high=600.0
+        2.0, "s", "a tap this long before or after all footsteps still counts", 0.0, 600.0
     )
 
 

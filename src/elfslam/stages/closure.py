@@ -122,40 +122,32 @@ class ClosureParameters:
     """What counts as a loop closure."""
 
     threshold: float = parameter(
-        0.22, "", "mean similarity along a sequence that makes a candidate", low=-1.0, high=1.0
+        0.22, "", "mean similarity along a sequence that makes a candidate", -1.0, 1.0
     )
     back_margin: float = parameter(
-        0.4, "", "how much more alike a stretch walked back must be", low=0.0, high=2.0
+        0.4, "", "how much more alike a stretch walked back must be", 0.0, 2.0
     )
     near_footsteps: int = parameter(
-        12, "footsteps", "neighbours in time are not closures", low=1, high=10_000
+        12, "footsteps", "neighbours in time are not closures", 1, 10_000
     )
-    half_sequence: int = parameter(
-        6, "footsteps", "averaged before and after a footstep", low=0, high=200
-    )
+    half_sequence: int = parameter(6, "footsteps", "averaged before and after a footstep", 0, 200)
     half_peak: int = parameter(
-        2, "footsteps", "the same over which a ridge is placed exactly", low=0, high=200
+        2, "footsteps", "the same over which a ridge is placed exactly", 0, 200
     )
     ridge_footsteps: int = parameter(
-        3, "footsteps", "a candidate is the best this far to either side", low=1, high=100
+        3, "footsteps", "a candidate is the best this far to either side", 1, 100
     )
     rival_margin: float = parameter(
-        0.05, "", "by how much a candidate must beat those it contradicts", low=0.0, high=2.0
+        0.05, "", "by how much a candidate must beat those it contradicts", 0.0, 2.0
     )
     gate_probability: float = parameter(
-        0.999, "", "a pair that dead reckoning holds for less likely is dropped", low=0.5, high=1.0
+        0.999, "", "a pair that dead reckoning holds for less likely is dropped", 0.5, 1.0
     )
-    along_sigma_m: float = parameter(
-        0.20, "m", "error of a closure along the walk", low=0.01, high=100.0
-    )
-    across_sigma_m: float = parameter(
-        0.28, "m", "error of a closure across the walk", low=0.01, high=100.0
-    )
-    heading_sigma_rad: float = parameter(
-        0.28, "rad", "error of a closure's heading", low=0.01, high=3.14
-    )
+    along_sigma_m: float = parameter(0.20, "m", "error of a closure along the walk", 0.01, 100.0)
+    across_sigma_m: float = parameter(0.28, "m", "error of a closure across the walk", 0.01, 100.0)
+    heading_sigma_rad: float = parameter(0.28, "rad", "error of a closure's heading", 0.01, 3.14)
     shared_footsteps: int = parameter(
-        0, "footsteps", "closures this near each other share one error", low=0, high=1_000
+        0, "footsteps", "closures this near each other share one error", 0, 1_000
     )
 
 
