@@ -13,8 +13,7 @@ from elfslam.base.arrays import F64
 from elfslam.base.geometry import path_length_m
 from elfslam.base.values import Chirp, Echoes, Features, Odometry, Truth
 from elfslam.scoring.alignment import match
-from elfslam.scoring.bootstrap import interval
-from elfslam.scoring.errors import Alignment, position_errors
+from elfslam.scoring.errors import Alignment, interval, position_errors
 from elfslam.slam.front_end import dead_reckoning_nodes
 from elfslam.stages.acoustic_odometry import (
     AcousticOdometryParameters,

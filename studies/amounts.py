@@ -16,8 +16,7 @@ import numpy as np
 from elfslam.app.map import finetuned
 from elfslam.app.settings import Settings
 from elfslam.app.workers import silent_elsewhere
-from elfslam.base.progress import Announce, silent
-from elfslam.base.values import Echoes, Recording, Run, Truth
+from elfslam.base.values import Announce, Echoes, Recording, Run, Truth, silent
 from elfslam.learn.parameters import FinetuneParameters, PretrainParameters, ScratchParameters
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes

@@ -13,7 +13,7 @@ from typing import Any
 
 from elfslam.app.workers import Workers, open_workers
 from elfslam.base.errors import InputError
-from elfslam.base.progress import Announce
+from elfslam.base.values import Announce
 from elfslam.stages.feature import Encoder
 from elfslam.world.kinds import kind_named
 from studies.cached import bound_cache

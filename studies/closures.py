@@ -9,12 +9,10 @@ import numpy as np
 
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import I64
-from elfslam.base.drift import Drift
 from elfslam.base.values import AnySimilarity, Closures, Odometry, Truth
-from elfslam.scoring.closure_score import score_closures
-from elfslam.scoring.errors import Alignment, position_errors, summarise
+from elfslam.scoring.errors import Alignment, position_errors, score_closures, summarise
 from elfslam.slam.front_end import apply_acoustic_scale, dead_reckoning_nodes
-from elfslam.stages.closure import candidates, find_closures, within_gate
+from elfslam.stages.closure import Drift, candidates, find_closures, within_gate
 from elfslam.stages.feature import load_encoder
 from elfslam.stages.graph import build_graph, optimise
 from elfslam.stages.similarity import echo_sequence_similarity

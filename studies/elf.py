@@ -12,8 +12,7 @@ from elfslam.app.map import finetuned
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import F32, F64, Bool
 from elfslam.base.geometry import interpolate_poses, wrap_angle
-from elfslam.base.progress import silent
-from elfslam.base.values import Echoes, Odometry, Truth
+from elfslam.base.values import Echoes, Odometry, Truth, silent
 from elfslam.baselines.generic import generic_encoders, principal_encoder
 from elfslam.learn.parameters import FinetuneParameters, ScratchParameters
 from elfslam.slam.front_end import dead_reckoning_nodes

@@ -9,8 +9,7 @@ import numpy as np
 
 from elfslam.app.map import finetuned
 from elfslam.base.arrays import F64
-from elfslam.base.progress import silent
-from elfslam.base.values import Run, Truth
+from elfslam.base.values import Run, Truth, silent
 from elfslam.learn.parameters import FinetuneParameters
 from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.slam.parameters import Parameters

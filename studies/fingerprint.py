@@ -19,8 +19,7 @@ from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.errors import InputError
 from elfslam.base.parameters import parameter
 from elfslam.base.values import ECHO_SAMPLES
-from elfslam.learn.network import Spectrogram, normalised_log
-from elfslam.learn.resnet import STAGES, Stem, resnet18
+from elfslam.learn.network import STAGES, Spectrogram, Stem, normalised_log, resnet18
 
 ROWS_AT_ONCE = 256
 _DRAWING = threading.Lock()

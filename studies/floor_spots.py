@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from elfslam.base.arrays import F32, F64, I64
-from elfslam.base.progress import Announce
+from elfslam.base.values import Announce
 from elfslam.data.atomic_files import replaced_file
 from elfslam.stages.feature import Encoder, OnnxEncoder, load_encoder
 from elfslam.stages.superimposition import SpotEchoes

@@ -26,8 +26,13 @@ from elfslam.baselines.floor_places import (
     whole_walk,
 )
 from elfslam.baselines.floor_walks import FloorParameters, floor_map, floor_turn, solved, turned
-from elfslam.baselines.wifi import Fingerprints, WifiFingerprintParameters
-from elfslam.baselines.wifi_places import place_scores, powers, wifi_places
+from elfslam.baselines.wifi import (
+    Fingerprints,
+    WifiFingerprintParameters,
+    place_scores,
+    powers,
+    wifi_places,
+)
 from studies.mall_floor import (
     ARCHIVE,
     FLOORS,

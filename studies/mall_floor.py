@@ -26,7 +26,7 @@ from elfslam.baselines.floor_walks import (
 from elfslam.data.importing import declared_start
 from elfslam.data.log_files import Imported
 from elfslam.data.mall import read_walk, walks_in
-from elfslam.scoring.bootstrap import interval
+from elfslam.scoring.errors import interval
 from elfslam.stages.motion import MotionParameters
 from studies.results import Record
 from studies.study import Study, StudyContext

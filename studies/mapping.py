@@ -28,8 +28,7 @@ from elfslam.base.values import (
 )
 from elfslam.learn.parameters import ScratchParameters
 from elfslam.scoring.alignment import AS_DECLARED, Alignment, match, placement
-from elfslam.scoring.closure_score import score_closures
-from elfslam.scoring.errors import placed_errors, summarise
+from elfslam.scoring.errors import placed_errors, score_closures, summarise
 from elfslam.slam.front_end import apply_acoustic_scale, dead_reckoning_nodes
 from elfslam.slam.pipeline import closures_by
 from elfslam.stages.closure import ClosureParameters

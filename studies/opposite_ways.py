@@ -11,8 +11,7 @@ import numpy as np
 from elfslam.app.merge import drawn
 from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.geometry import interpolate_poses
-from elfslam.base.progress import Announce
-from elfslam.base.values import Echoes, Truth
+from elfslam.base.values import Announce, Echoes, Truth
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.stages.feature import Encoder, OnnxEncoder, load_encoder, walk_vectors
 from elfslam.stages.superimposition import SpotEchoes, floor_spots

@@ -21,7 +21,7 @@ from elfslam.scoring.alignment import Alignment, match, place, placement
 from elfslam.slam.front_end import apply_acoustic_scale, dead_reckoning_nodes
 from elfslam.slam.pipeline import closures_by
 from elfslam.stages.chirp import ChirpParameters, make_chirp
-from elfslam.stages.echo.envelope import matched_envelope
+from elfslam.stages.echo.sound import matched_envelope
 from elfslam.stages.feature import load_encoder, spectrogram
 from elfslam.stages.graph import build_graph, optimise
 from elfslam.stages.similarity import echo_sequence_similarity

@@ -16,8 +16,7 @@ import torch
 
 from elfslam.base.arrays import I64
 from elfslam.base.errors import InputError
-from elfslam.base.progress import Announce
-from elfslam.base.values import Echoes, EchoPairs
+from elfslam.base.values import Announce, Echoes, EchoPairs
 from elfslam.data.atomic_files import replaced_file
 from elfslam.learn.loss import nt_xent
 from elfslam.learn.network import CompactEncoder

@@ -20,7 +20,7 @@ import numpy as np
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.data.atomic_files import replaced_file
-from elfslam.scoring.bootstrap import interval
+from elfslam.scoring.errors import interval
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "results"

@@ -13,7 +13,7 @@ import numpy as np
 
 from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import InputError
-from elfslam.scoring.bootstrap import interval
+from elfslam.scoring.errors import interval
 from studies.results import Record
 
 CELLS = 4000

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from elfslam.base.progress import Announce
+from elfslam.base.values import Announce
 from elfslam.stages.feature import spectrogram
 from elfslam.world.device import named_device
 from elfslam.world.diffuse import diffuse_echoes

@@ -10,7 +10,7 @@ from typing import Any
 
 from elfslam.app.workers import Workers
 from elfslam.base.errors import InputError
-from elfslam.base.progress import Announce, silent
+from elfslam.base.values import Announce, silent
 from studies.results import Record
 
 SCENARIOS: Mapping[str, str] = {

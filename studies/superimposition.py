@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from elfslam.app.workers import silent_elsewhere
-from elfslam.base.progress import Announce
+from elfslam.base.values import Announce
 from elfslam.world.kinds import SURVEYOR, Kind
 from studies.floor_spots import Spots, measure_floor
 from studies.opposite_ways import Ways, measure_ways

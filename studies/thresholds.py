@@ -13,7 +13,7 @@ import numpy as np
 
 from elfslam.app.settings import Settings
 from elfslam.base.values import NO_CLOSURES, Closures, Odometry, Truth
-from elfslam.scoring.closure_score import score_closures
+from elfslam.scoring.errors import score_closures
 from elfslam.slam.front_end import apply_acoustic_scale, dead_reckoning_nodes
 from elfslam.slam.pipeline import closures_by
 from elfslam.stages.graph import build_graph, optimise

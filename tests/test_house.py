@@ -131,7 +131,7 @@ def test_imports_go_down_and_rooms_keep_to_themselves(path: Path) -> None:
         ("stages/echo/cut.py", "from elfslam.stages.graph import optimise"),
         ("stages/graph/solving.py", "from elfslam.stages.closure import find_closures"),
         ("stages/echo/cut.py", "from elfslam.stages.motion.level import level"),
-        ("stages/motion/heading.py", "from elfslam.stages.echo import extract_echoes"),
+        ("stages/motion/reckoning.py", "from elfslam.stages.echo import extract_echoes"),
         ("world/room.py", "import elfslam.learn.loss"),
         ("data/runs.py", "import torch.nn"),
         ("data/runs.py", "from elfslam.slam.pipeline import locate"),

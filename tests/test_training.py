@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +10,6 @@ import pytest
 from elfslam.app.simulated_training import open_stream, pairs_in
 from elfslam.cli.app import run
 from elfslam.learn.parameters import PretrainParameters
-from elfslam.stages.feature import read_card
 
 TINY = ("steps=2", "pairs=4", "rooms=2", "width=4", "warmup_steps=1")
 SETTINGS = [word for setting in TINY for word in ("--set", f"pretrain.{setting}")]
@@ -43,25 +39,6 @@ def test_bad_numbers_are_refused_in_one_line(
     assert words in said
     assert "\n" not in said
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.real
-def test_two_processes_of_torchrun_write_one_encoder_that_says_so(tmp_path: Path) -> None:
-    both, one = tmp_path / "both.onnx", tmp_path / "one.onnx"
-    program = "import sys; from elfslam.cli import main; sys.argv[0] = 'elfslam'; main()"
-    torchrun = [sys.executable, "-m", "torch.distributed.run", "--standalone"]
-    launched = [*torchrun, "--nproc-per-node", "2", "--no-python", sys.executable, "-c", program]
-    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
-    subprocess.run([*launched, "pretrain", str(both), *SETTINGS], check=True, env=environment)
-    assert command(one) == 0
-    shared, alone = (read_card(str(file)) for file in (both, one))
-    assert shared is not None
-    assert alone is not None
-    assert shared.pretraining is not None
-    assert alone.pretraining is not None
-    assert shared.pretraining.arithmetic.endswith("2 processes")
-    assert shared.pretraining.loss == pytest.approx(alone.pretraining.loss, abs=2e-3)
-    assert not both.with_suffix(".checkpoint").exists()
 
 
 def test_the_echoes_of_a_step_are_the_same_wherever_they_are_made() -> None:

@@ -20,10 +20,9 @@ from torch import nn
 
 from elfslam.base.arrays import F32
 from elfslam.base.values import ECHO_SAMPLES
-from elfslam.learn.network import CompactEncoder, Components
+from elfslam.learn.network import CompactEncoder, Components, ResNetEncoder
 from elfslam.learn.onnx_files import export_encoder
 from elfslam.learn.parameters import PretrainParameters
-from elfslam.learn.resnet import ResNetEncoder
 
 ECHOES = 64
 

@@ -17,8 +17,7 @@ import elfslam
 from elfslam.app.map import MapJob, map_into
 from elfslam.app.settings import Settings
 from elfslam.base.errors import ElfslamError, InputError, ParameterError
-from elfslam.base.progress import silent
-from elfslam.base.values import Audio, Imu, Recording, Run, Truth
+from elfslam.base.values import Audio, Imu, Recording, Run, Truth, silent
 from elfslam.data.recordings import write_recording
 from elfslam.stages.feature import SpectralEncoder
 

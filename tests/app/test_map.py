@@ -18,8 +18,7 @@ from elfslam.app.workers.processes import Processes
 from elfslam.base.enums import Modality
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.parameters import load
-from elfslam.base.progress import silent
-from elfslam.base.values import Audio, Imu, Recording
+from elfslam.base.values import Audio, Imu, Recording, silent
 from elfslam.data.baseband import frame_starts_s, to_baseband
 from elfslam.data.recordings import write_recording
 from elfslam.scoring import report

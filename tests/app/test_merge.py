@@ -15,8 +15,7 @@ import pytest
 from elfslam.app.merge import drawn, merge_into
 from elfslam.base.errors import InputError, NoAnswerError, StoreError
 from elfslam.base.geometry import interpolate_poses
-from elfslam.base.points_of_interest import PointKind, PointOfInterest
-from elfslam.base.values import ECHO_SAMPLES, FixStatus, Run
+from elfslam.base.values import ECHO_SAMPLES, FixStatus, PointKind, PointOfInterest, Run
 from elfslam.cli.app import run
 from elfslam.data.map_files import read_map, walk_in
 from elfslam.data.named_places import read_points, write_points

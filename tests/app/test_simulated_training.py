@@ -20,8 +20,7 @@ from elfslam.app.simulated_training import (
 )
 from elfslam.base.errors import ParameterError, StoreError
 from elfslam.base.parameters import digest
-from elfslam.base.progress import silent
-from elfslam.base.values import EchoPairs
+from elfslam.base.values import EchoPairs, silent
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.onnx_files import network_of
 from elfslam.learn.parameters import PretrainParameters

@@ -20,8 +20,7 @@ from elfslam.baselines.floor_places import (
     pulled_rows,
     whole_walk,
 )
-from elfslam.baselines.floor_walks import FloorParameters, floor_map
-from elfslam.baselines.walks_graph import corrected
+from elfslam.baselines.floor_walks import FloorParameters, corrected, floor_map
 
 BOTH = (Modality.WIFI, Modality.MAGNETIC)
 PARAMETERS = FloorParameters()

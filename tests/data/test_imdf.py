@@ -15,7 +15,7 @@ import pytest
 from shapely.geometry import shape
 
 from elfslam.base.errors import InputError
-from elfslam.base.points_of_interest import PointKind, PointOfInterest
+from elfslam.base.values import PointKind, PointOfInterest
 from elfslam.data.geographic import Origin
 from elfslam.data.imdf import Venue, imdf_archive, read_place, write_imdf
 from tests.data.imdf_rules import faults_of, read_imdf

@@ -17,8 +17,7 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import between
 from elfslam.base.grid import FloorGrid, walked_grid
-from elfslam.base.points_of_interest import PointKind, PointOfInterest
-from elfslam.base.values import FloorMap, Payload, PoseGraph
+from elfslam.base.values import FloorMap, Payload, PointKind, PointOfInterest, PoseGraph
 from elfslam.data.geographic import Origin, from_lon_lat
 from elfslam.data.map_exports import (
     image_beside,

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import InputError
-from elfslam.base.points_of_interest import PointKind, PointOfInterest
-from elfslam.base.values import Checkpoints
+from elfslam.base.values import Checkpoints, PointKind, PointOfInterest
 from elfslam.data.named_places import (
     CHECKPOINTS,
     MOST,

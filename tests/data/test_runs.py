@@ -11,7 +11,13 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import InputError, StoreError
-from elfslam.base.values import Checkpoints, Closures, Recording, Run, Truth
+from elfslam.base.values import (
+    Checkpoints,
+    Closures,
+    Recording,
+    Run,
+    Truth,
+)
 from elfslam.data.map_files import read_facts
 from elfslam.data.recordings import write_recording
 from elfslam.data.runs import digest_of, read_run, write_run

@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-from planted_training import traces
+from planted_training import toy_pairs, traces
 from torch import nn
 
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE
 from elfslam.baselines.generic import root_spectrogram, unit_rows
-from elfslam.learn.network import CompactEncoder, Spectrogram, normalised_log, normalised_root
-from elfslam.learn.resnet import ResNetEncoder
-from elfslam.stages.feature import FIRST_BIN, spectrogram
+from elfslam.learn.network import (
+    CompactEncoder,
+    ResNetEncoder,
+    Spectrogram,
+    Stem,
+    normalised_log,
+    normalised_root,
+    resnet18,
+)
+from elfslam.learn.onnx_files import export_encoder
+from elfslam.learn.parameters import PretrainParameters
+from elfslam.learn.pretrain import pretrain
+from elfslam.stages.feature import FIRST_BIN, load_encoder, spectrogram
 
 NETWORKS: dict[str, Callable[[], nn.Module]] = {
     "compact": lambda: CompactEncoder(8),
@@ -119,3 +130,53 @@ def test_time_is_not_averaged_away(network: nn.Module) -> None:
 def test_the_width_sets_the_size() -> None:
     small, large = (sum(p.numel() for p in CompactEncoder(w).parameters()) for w in (8, 24))
     assert small < large < 500_000
+
+
+@pytest.fixture(scope="module")
+def resnet() -> ResNetEncoder:
+    torch.manual_seed(0)
+    made = ResNetEncoder()
+    with torch.no_grad():
+        made.train()(traces(16))
+    return made.eval()
+
+
+def test_it_has_as_many_weights_as_published() -> None:
+    """11,689,512 for ImageNet; less its classifier (513,000), and one colour instead of three."""
+    colours = 2 * 64 * 7 * 7
+    counted = sum(weights.numel() for weights in resnet18("imagenet").parameters())
+    assert counted == 11_689_512 - 513_000 - colours
+
+
+@pytest.mark.parametrize(("stem", "cells"), [("imagenet", (3, 12)), ("small", (12, 48))])
+def test_the_stems_leave_what_they_say_to_the_first_stage(
+    stem: Stem, cells: tuple[int, int]
+) -> None:
+    entry = 3 if stem == "imagenet" else 2
+    assert resnet18(stem)[:entry](torch.zeros(1, 1, 12, 48)).shape == (1, 64, *cells)
+
+
+def test_its_file_is_read_by_the_line(resnet: ResNetEncoder, tmp_path: Path) -> None:
+    export_encoder(resnet, tmp_path / "resnet.onnx")
+    encoder, samples = load_encoder(str(tmp_path / "resnet.onnx")), traces(5, 1)
+    with torch.no_grad():
+        expected = resnet(samples).numpy()
+    np.testing.assert_allclose(encoder.embed(samples.numpy()), expected, atol=1e-4)
+    one = encoder.embed(samples[:1].numpy())
+    np.testing.assert_allclose(one, expected[:1], atol=1e-4)
+
+
+def test_pretraining_takes_it(tmp_path: Path) -> None:
+    losses: list[float] = []
+    resnet = pretrain(
+        lambda step: toy_pairs(0),
+        PretrainParameters(
+            network="resnet18", steps=5, pairs=8, warmup_steps=1, learning_rate=1e-3, threads=1
+        ),
+        seed=0,
+        checkpoint=tmp_path / "training.pt",
+        report=lambda progress: losses.append(progress.loss),
+    ).network
+    assert isinstance(resnet, ResNetEncoder)
+    assert not resnet.training
+    assert losses[-1] < 0.7 * losses[0]

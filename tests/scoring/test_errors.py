@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 
 import numpy as np
@@ -11,15 +12,20 @@ from hypothesis import strategies as st
 
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import compose
-from elfslam.base.values import Fixes, FixStatus, Run, Trajectory, Truth
+from elfslam.base.values import Closures, Fixes, FixStatus, Run, Trajectory, Truth
 from elfslam.scoring.alignment import AS_DECLARED, SimilarityTransform, match, placement
 from elfslam.scoring.errors import (
     Alignment,
     alignment_of,
+    closure_scores,
     end_error_share,
     fix_errors,
+    fix_scores,
+    interval,
     placed_errors,
     position_errors,
+    run_scores,
+    score_closures,
     summarise,
 )
 
@@ -207,4 +213,132 @@ def test_nothing_is_forgiven_where_the_start_was_declared(truth: Truth, moved: M
     assert (
         placed_errors(truth.t_s, poses, truth, SimilarityTransform(back.world_from_map)).max()
         < 1e-9
+    )
+
+
+T_S = np.arange(0.0, 50.0, 5.0)
+
+
+def there_and_back() -> Truth:
+    """Nodes 0 to 4 walk out 2 m each, nodes 5 to 9 come back 0.5 m beside."""
+    x = np.concatenate([np.arange(5) * 2.0, np.arange(4, -1, -1) * 2.0])
+    y = np.repeat([0.0, 0.5], 5)
+    return Truth(T_S, np.column_stack([x, y, np.repeat([0, np.pi], 5)]))
+
+
+def closures(*pairs: tuple[int, int]) -> Closures:
+    i, j = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+    size = i.size
+    return Closures(i, j, np.ones(size), np.zeros((size, 3)), np.zeros((size, 3, 3)))
+
+
+def test_right_and_wrong_closures_are_told_apart() -> None:
+    score = score_closures(closures((0, 9), (1, 8), (2, 6)), T_S, there_and_back())
+    assert score.right.tolist() == [True, True, False]
+    assert np.allclose(score.distance_m, [0.5, 0.5, np.hypot(2 * 1.0, 0.5)])
+    assert score.precision == pytest.approx(2 / 3)
+    assert score.median_distance_m == pytest.approx(0.5)
+
+
+def test_recall_counts_returning_nodes() -> None:
+    """Node 5 comes 5 s after node 4, too soon to be a return; 6, 7, 8 and 9 return."""
+    score = score_closures(closures((0, 9), (1, 8), (2, 6)), T_S, there_and_back())
+    assert score.recall == pytest.approx(2 / 4)
+    sooner = score_closures(closures((0, 9)), T_S, there_and_back(), revisit_s=5.0)
+    assert sooner.recall == pytest.approx(1 / 5)
+
+
+def test_the_radius_decides() -> None:
+    strict = score_closures(closures((0, 9)), T_S, there_and_back(), radius_m=0.4)
+    assert strict.precision == 0
+    assert np.isnan(strict.recall)
+
+
+def test_closures_outside_the_truth_are_not_judged() -> None:
+    dense = there_and_back()
+    part = Truth(dense.t_s[:9], dense.world_from_body[:9])
+    score = score_closures(closures((0, 9), (1, 8)), T_S, part)
+    assert score.count == 1
+    assert score.precision == 1
+    assert np.isnan(score.distance_m[0])
+
+
+def test_no_closures_have_no_precision() -> None:
+    score = score_closures(closures(), T_S, there_and_back())
+    assert score.count == 0
+    assert np.isnan(score.precision)
+    assert np.isnan(score.median_distance_m)
+    assert score.recall == 0
+
+
+def mean(values: np.ndarray) -> float:
+    return float(values.mean())
+
+
+def test_same_seed_same_interval() -> None:
+    walks = [np.arange(5.0), np.arange(9.0), np.ones(3)]
+    first = interval(walks, mean, np.random.default_rng(3))
+    assert first == interval(walks, mean, np.random.default_rng(3))
+    assert first[0] < mean(np.concatenate(walks)) < first[1]
+
+
+def test_one_walk_gives_its_own_value() -> None:
+    assert interval([np.array([1.0, 3.0])], mean, np.random.default_rng(0)) == (2, 2)
+
+
+def test_walks_are_drawn_not_footsteps() -> None:
+    """A thousand equal footsteps in each of ten walks tell no more than ten numbers."""
+    values = np.random.default_rng(1).normal(0, 1, 10)
+    low, high = interval([np.full(1000, v) for v in values], mean, np.random.default_rng(0))
+    few = interval([np.array([v]) for v in values], mean, np.random.default_rng(0))
+    assert (low, high) == pytest.approx(few)
+    assert high - low > 0.5
+
+
+def test_about_95_of_100_intervals_cover() -> None:
+    """Ninety is what a percentile interval of 25 walks should at least reach (seeds 0 to 99)."""
+    covered = 0
+    for seed in range(100):
+        generator = np.random.default_rng(seed)
+        low, high = interval(list(generator.normal(5, 2, (25, 1))), mean, generator)
+        covered += low <= 5 <= high
+    assert 88 <= covered <= 99
+
+
+def test_nothing_is_refused() -> None:
+    with pytest.raises(InputError, match="no values"):
+        interval([np.empty(0)], mean, np.random.default_rng(0))
+
+
+def test_a_row_per_method_and_alignment(run: Run, truth: Truth) -> None:
+    rows = run_scores(run, truth)
+    keys = [(row["method"], row["alignment"]) for row in rows]
+    kinds = ["anchored", "aligned", "aligned with scale"]
+    assert keys == [(method, kind) for method in ("dead reckoning", "SLAM") for kind in kinds]
+    walk = run.trajectory
+    errors = position_errors(walk.t_s, walk.world_from_body, truth, Alignment.ALIGNED)
+    assert rows[4]["median_m"] == summarise(errors).median_m
+    assert [row["end_error_share"] is None for row in rows] == [False, True, True] * 2
+
+
+def test_rows_are_json(run: Run, truth: Truth) -> None:
+    unknown = np.full(1, np.nan)
+    refused = Fixes([3.0], [[np.nan, np.nan]], unknown, np.full((1, 2, 2), np.nan), unknown, [2])
+    rows = [*run_scores(run, truth), *closure_scores(run, truth)]
+    fixes = fix_scores(refused, truth, np.zeros(3))
+    assert json.loads(json.dumps([*rows, *fixes], allow_nan=False)) == [*rows, *fixes]
+    assert fixes[0]["median_m"] is None
+    none = dict.fromkeys(["OK", "AMBIGUOUS", "NO_ECHO", "SUSPECT"], 0)
+    assert fixes[0]["by_status"] == none | {"UNKNOWN_PLACE": 1}
+
+
+def test_planted_wrong_closures_lower_the_precision_until_the_graph_rejects_them(
+    run: Run, truth: Truth
+) -> None:
+    found, kept = closure_scores(run, truth)
+    count = run.closures.i.size
+    assert found["precision"] == pytest.approx((count - 2) / count)
+    assert (found["count"], kept["count"]) == (
+        count,
+        int((run.trajectory.closure_weights > 0.5).sum()),
     )

@@ -8,8 +8,13 @@ import numpy as np
 import numpy.testing as npt
 
 from elfslam.base.values import FloorMap, Payload
-from elfslam.scoring.merged_report import write_merged_report
-from elfslam.scoring.quality_figures import error_tiles, sigma_tiles, walks_tiles, weight_tiles
+from elfslam.scoring.merged_report import (
+    error_tiles,
+    sigma_tiles,
+    walks_tiles,
+    weight_tiles,
+    write_merged_report,
+)
 from elfslam.stages.quality import MapQuality
 
 QUALITY = MapQuality(

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elfslam.scoring.world_figures import DrawnBlock, WorldPlan
-from elfslam.scoring.world_page import write_world_page
+from elfslam.scoring.world_page import DrawnBlock, WorldPlan, write_world_page
 
 ROOM = np.array([[0.0, 0.0], [6.0, 0.0], [6.0, 4.0], [0.0, 4.0]])
 TABLE = DrawnBlock("table <1>", "glass", np.array([[2.0, 1], [3, 1], [3, 2], [2, 2]]), 0.0, 0.75)

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.geometry import compose
-from elfslam.base.points_of_interest import PointKind, PointOfInterest
-from elfslam.base.values import Trajectory
+from elfslam.base.values import PointKind, PointOfInterest, Trajectory
 from elfslam.stages.carried_points import carried, gathered
 
 DOOR = PointOfInterest("Door", PointKind.DOOR, 2.0, 1.0)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.geometry import compose
-from elfslam.base.points_of_interest import PointKind, PointOfInterest
-from elfslam.base.values import Checkpoints, Odometry, Trajectory
+from elfslam.base.values import Checkpoints, Odometry, PointKind, PointOfInterest, Trajectory
 from elfslam.stages.checkpoints import CheckpointParameters, closures_at, places_visited
 from elfslam.stages.graph import GraphParameters, build_graph, optimise
 

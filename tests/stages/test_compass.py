@@ -16,8 +16,8 @@ from elfslam.stages.motion import (
     compass_heading,
     dead_reckon,
 )
-from elfslam.stages.motion.heading import smooth_heading
 from elfslam.stages.motion.level import level
+from elfslam.stages.motion.reckoning import smooth_heading
 from tests.stages.magnetic_walk import walk
 
 PARAMETERS = MotionParameters()

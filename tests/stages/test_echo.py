@@ -20,7 +20,6 @@ from elfslam.stages.echo import (
     EchoParameters,
     best_channel,
     cut_echoes,
-    envelope,
     resampled,
     sound,
     to_echo_rate,
@@ -525,7 +524,7 @@ def test_a_long_stream_is_filtered_block_by_block_as_if_at_once(
 ) -> None:
     samples = np.random.default_rng(5).normal(size=20_000).astype(np.float32)
     chirp = chirp_at()
-    whole = envelope.matched_envelope(samples, chirp)
-    monkeypatch.setattr(envelope, "FILTERED_AT_ONCE", 777)
-    blocks = envelope.matched_envelope(samples, chirp)
+    whole = sound.matched_envelope(samples, chirp)
+    monkeypatch.setattr(sound, "FILTERED_AT_ONCE", 777)
+    blocks = sound.matched_envelope(samples, chirp)
     npt.assert_allclose(blocks, whole, atol=1e-5 * float(whole.max()))

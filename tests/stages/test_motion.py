@@ -21,8 +21,6 @@ from elfslam.stages.motion import (
     find_footsteps,
     nodes_by_distance,
 )
-from elfslam.stages.motion.heading import smooth_heading
-from elfslam.stages.motion.lengths import lengths_between
 from elfslam.stages.motion.level import (
     evenly_sampled,
     level,
@@ -30,6 +28,7 @@ from elfslam.stages.motion.level import (
     rate_of,
     still_bias,
 )
+from elfslam.stages.motion.reckoning import lengths_between, smooth_heading
 from elfslam.world.simulate import load_world, simulate
 
 PARAMETERS = MotionParameters()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from elfslam.app import simulated_training as pretraining
-from elfslam.base.progress import silent
+from elfslam.base.values import silent
 from elfslam.learn.parameters import PretrainParameters
 from elfslam.stages.feature import OnnxEncoder
 from studies import amounts

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from elfslam.base.errors import InputError, ParameterError
-from elfslam.base.progress import silent
+from elfslam.base.values import silent
 from elfslam.stages.feature import SpectralEncoder
 from elfslam.world.kinds import Kind
 from studies import catalogue

@@ -11,8 +11,7 @@ from planted_floor import walk_along
 from elfslam.base.errors import InputError
 from elfslam.base.values import NO_CLOSURES
 from elfslam.baselines.floor_places import floor_places
-from elfslam.baselines.floor_walks import FloorParameters, floor_map
-from elfslam.baselines.walks_graph import corrected
+from elfslam.baselines.floor_walks import FloorParameters, corrected, floor_map
 from studies.located import MEDIAN_M
 from studies.mall_fifths import (
     MAPPED_BY,

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import InputError
-from elfslam.base.progress import silent
-from elfslam.base.values import ECHO_SAMPLES, Echoes
+from elfslam.base.values import ECHO_SAMPLES, Echoes, silent
 from elfslam.learn.parameters import ScratchParameters
 from elfslam.stages.feature import OnnxEncoder
 from studies.paper_training import AS_IN_PAPER, learnt_from_walk, pretrain_as_in_paper

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.arrays import F32, F64
-from elfslam.base.progress import silent
-from elfslam.base.values import Echoes
+from elfslam.base.values import Echoes, silent
 from elfslam.stages.feature import load_encoder, walk_vectors
 from studies import opposite_ways
 from studies.floor_spots import (

@@ -28,8 +28,7 @@ from elfslam.base.enums import LONGEST_S, Modality, Mode, parse_modalities, pars
 from elfslam.base.errors import InputError, NoAnswerError, ParameterError
 from elfslam.base.parameters import load
 from elfslam.base.parameters import replace as with_parameter
-from elfslam.base.progress import Announce, silent
-from elfslam.base.values import Fixes, FloorMap, Recording, Run, Truth
+from elfslam.base.values import Announce, Fixes, FloorMap, Recording, Run, Truth, silent
 from elfslam.slam import pipeline
 from elfslam.slam.front_end import extract_echoes
 from elfslam.slam.merging import MappedWalk, add_walk, lay_walk, walk_of
@@ -235,7 +234,7 @@ def score(
     in and its truth, which bring them there. Raises InputError.
     """
     from elfslam.scoring.alignment import alignment_of
-    from elfslam.scoring.tables import fix_scores, run_scores
+    from elfslam.scoring.errors import fix_scores, run_scores
 
     if isinstance(estimate, Run):
         return ScoreTable(run_scores(estimate, truth))
@@ -254,7 +253,7 @@ def plot(
 
     A run with its truth is aligned onto it. Raises ParameterError.
     """
-    from elfslam.scoring.plots import fix_plot, map_plot, walk_plot
+    from elfslam.scoring.report import fix_plot, map_plot, walk_plot
 
     if isinstance(value, Run):
         return walk_plot(value, truth)

@@ -20,7 +20,7 @@ from rich.table import Table
 
 from elfslam.base.errors import ElfslamError, NoAnswerError, ParameterError
 from elfslam.base.extras import extra_with, installing
-from elfslam.base.progress import Announce
+from elfslam.base.values import Announce
 
 DONE, NO_ANSWER, BAD_INPUT, CLOSED_PIPE, INTERRUPTED = 0, 1, 2, 1, 130
 EXPLAINED = (ElfslamError, OSError, MemoryError, ModuleNotFoundError, UnicodeEncodeError)

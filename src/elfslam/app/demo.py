@@ -19,17 +19,17 @@ from elfslam.data.atomic_files import new_file, refuse_occupied
 from elfslam.data.position_files import write_fixes
 from elfslam.data.recordings import write_recording
 from elfslam.scoring.alignment import AS_DECLARED
-from elfslam.scoring.bootstrap import interval
 from elfslam.scoring.errors import (
     Alignment,
     alignment_of,
     fix_distances,
+    interval,
+    methods,
     placed_errors,
     position_errors,
     summarise,
 )
 from elfslam.scoring.report import write_fix_report, write_report
-from elfslam.scoring.tables import methods
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import locate, map_by_echoes
 from elfslam.stages.feature import Encoder, OnnxEncoder

@@ -14,10 +14,8 @@ from elfslam.base.arrays import F32
 from elfslam.base.enums import Modality, Mode
 from elfslam.base.errors import InputError, NoAnswerError, StoreError
 from elfslam.base.parameters import digest
-from elfslam.base.points_of_interest import PointOfInterest
-from elfslam.base.progress import Announce
 from elfslam.base.text_files import readable
-from elfslam.base.values import Fixes, FloorMap, Recording, Trajectory
+from elfslam.base.values import Announce, Fixes, FloorMap, PointOfInterest, Recording, Trajectory
 from elfslam.baselines.floor_places import floor_places, locate_on_floor
 from elfslam.baselines.floor_walks import (
     FloorParameters,

@@ -19,9 +19,16 @@ from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.enums import Modality
 from elfslam.base.errors import InputError, NoAnswerError, ParameterError, StoreError
 from elfslam.base.parameters import as_dict, digest
-from elfslam.base.points_of_interest import PointOfInterest
-from elfslam.base.progress import Announce, silent
-from elfslam.base.values import Echoes, FloorMap, Recording, Run, Trajectory
+from elfslam.base.values import (
+    Announce,
+    Echoes,
+    FloorMap,
+    PointOfInterest,
+    Recording,
+    Run,
+    Trajectory,
+    silent,
+)
 from elfslam.data.atomic_files import new_file, new_folder, refuse_occupied
 from elfslam.data.map_files import BY_TAPS, FACTS, MERGED, MISSING, NOTES, fill_merged, read_facts
 from elfslam.data.recordings import read_recording
@@ -30,7 +37,7 @@ from elfslam.learn.parameters import FinetuneParameters
 from elfslam.slam import pipeline as slam
 from elfslam.slam.coverage import Missing, missing_of
 from elfslam.slam.front_end import compass_of, extract_echoes
-from elfslam.slam.merging.parameters import MergeParameters
+from elfslam.slam.merging.members import MergeParameters
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.trimming import trimmed
 from elfslam.stages.checkpoints import lies_on_plan

@@ -15,10 +15,8 @@ from elfslam.app.settings import Settings
 from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.parameters import digest
-from elfslam.base.points_of_interest import PointOfInterest
-from elfslam.base.progress import Announce
 from elfslam.base.text_files import readable
-from elfslam.base.values import ELF_SIZE, FloorMap, Trajectory
+from elfslam.base.values import ELF_SIZE, Announce, FloorMap, PointOfInterest, Trajectory
 from elfslam.data import map_files
 from elfslam.data.atomic_files import refuse_occupied, settled
 from elfslam.data.named_places import read_points

@@ -10,9 +10,7 @@ from elfslam.base.errors import ElfslamError, InputError
 from elfslam.base.geometry import path_length_m
 from elfslam.base.values import Truth
 from elfslam.data.runs import read_run
-from elfslam.scoring.bootstrap import interval
-from elfslam.scoring.errors import Alignment, end_error_share, position_errors
-from elfslam.scoring.tables import methods
+from elfslam.scoring.errors import Alignment, end_error_share, interval, methods, position_errors
 from elfslam.scoring.truth import read_truth
 
 Row = dict[str, object]

@@ -16,10 +16,14 @@ from elfslam.baselines.magnetic import (
     magnetic_similarity,
 )
 from elfslam.baselines.neighbours import NeighbourParameters
-from elfslam.baselines.wifi import WIFI_CLOSURES, WifiFingerprintParameters, wifi_similarity
-from elfslam.baselines.wifi_places import PlaceParameters
+from elfslam.baselines.wifi import (
+    WIFI_CLOSURES,
+    PlaceParameters,
+    WifiFingerprintParameters,
+    wifi_similarity,
+)
 from elfslam.learn.parameters import FinetuneParameters, FloorLevelParameters, PretrainParameters
-from elfslam.slam.merging.parameters import MergeParameters
+from elfslam.slam.merging.members import MergeParameters
 from elfslam.slam.pipeline import Sense, no_similarity
 from elfslam.stages.closure import ClosureParameters
 from elfslam.stages.device_adaptation import PhoneParameters

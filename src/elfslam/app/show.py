@@ -14,8 +14,7 @@ from elfslam.data.map_files import FACTS, MAP, read_facts, read_map
 from elfslam.data.runs import read_run
 from elfslam.scoring.page import script_file, self_contained
 from elfslam.scoring.report import write_map_page, write_report
-from elfslam.scoring.world_figures import DrawnBlock, WorldPlan
-from elfslam.scoring.world_page import write_world_page
+from elfslam.scoring.world_page import DrawnBlock, WorldPlan, write_world_page
 from elfslam.world.doors import blocks_of
 from elfslam.world.room import Block, Room
 from elfslam.world.simulate import load_world

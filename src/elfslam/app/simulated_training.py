@@ -18,7 +18,6 @@ from elfslam.base.errors import ParameterError, StoreError
 from elfslam.base.values import EchoPairs
 from elfslam.data.atomic_files import new_file
 from elfslam.learn.components import with_components
-from elfslam.learn.distributed import Ranks, check_shares, joined
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.onnx_files import export_encoder
 from elfslam.learn.parameters import PretrainParameters
@@ -51,14 +50,13 @@ def pretrain_on_simulated_echoes(
     metrics: Mapping[str, float] | None = None,
     on: str | None = None,
     overwrite: bool = False,
-) -> float | None:
+) -> float:
     """Train, write the ONNX file `out`, and give the mean loss over the last tenth of the steps.
 
     The file carries its card, `metrics` in it; beside it come to lie the losses as a table and as
     a page. The checkpoint lies there until the training is done, so that a killed run goes on.
-    `on` says who makes the echoes, as `open_workers` has it. Launched by torchrun the processes
-    train together; the first of them reports and writes, and the others give None. Raises
-    StoreError, ParameterError or InputError before anything is made.
+    `on` says who makes the echoes, as `open_workers` has it. Raises StoreError,
+    ParameterError or InputError before anything is made.
     """
     _check(out, parameters)
 
@@ -67,18 +65,12 @@ def pretrain_on_simulated_echoes(
         announce(f"step {progress.step} of {parameters.steps}, loss {progress.loss:.3f}", share)
 
     checkpoint = out.with_suffix(".checkpoint")
-    train = partial(_trained, parameters, seed=seed, checkpoint=checkpoint, on=on)
-    with joined() as ranks:
-        check_shares(parameters.pairs, ranks)
-        if ranks.number > 0:
-            train(ranks, lambda progress: None)
-            return None
-        with _new_files(out, overwrite=overwrite) as (encoder, table, page):
-            made = train(ranks, report)
-            write_losses(table, page, out.name, made.losses, parameters, seed)
-            card = card_of(made, parameters, seed, metrics or {})
-            export_encoder(made.network, encoder, card=card)
-        checkpoint.unlink(missing_ok=True)
+    with _new_files(out, overwrite=overwrite) as (encoder, table, page):
+        made = _trained(parameters, report, seed=seed, checkpoint=checkpoint, on=on)
+        write_losses(table, page, out.name, made.losses, parameters, seed)
+        card = card_of(made, parameters, seed, metrics or {})
+        export_encoder(made.network, encoder, card=card)
+    checkpoint.unlink(missing_ok=True)
     return last_loss(made.losses)
 
 
@@ -106,7 +98,6 @@ def step_pairs(step: int, *, seed: int, pairs: int, rooms: int, engine: str) -> 
 
 def _trained(
     parameters: PretrainParameters,
-    ranks: Ranks,
     report: Callable[[TrainingProgress], None],
     *,
     seed: int,
@@ -116,9 +107,9 @@ def _trained(
     with open_stream(on) as stream:
         made = pretrain(
             pairs_in(parameters, seed), parameters, seed=seed, checkpoint=checkpoint,
-            report=report, stream=stream, ranks=ranks,
+            report=report, stream=stream,
         )  # fmt: skip
-        if ranks.number == 0 and isinstance(made.network, CompactEncoder):
+        if isinstance(made.network, CompactEncoder):
             _give_components(made.network, stream, parameters, seed)
         return made
 

@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from elfslam.base.errors import InputError
-from elfslam.base.notebooks import summary
 
 F64 = npt.NDArray[np.float64]
 F32 = npt.NDArray[np.float32]
@@ -19,6 +18,7 @@ Bool = npt.NDArray[np.bool_]
 Dimension = int | str
 LARGEST = np.float64(1e15)
 """Beyond anything that is measured or counted; it can still be squared."""
+LONGEST_TEXT = 60
 ROUNDING = 1e-6
 """How far, relative to its largest variance, rounding may take a covariance from being one."""
 
@@ -55,6 +55,23 @@ def array(
     spec = ArraySpec(shape, dtype, finite, increasing, unit_rows, covariance, largest, least)
     metadata = {"array": spec}
     return field(default=None, metadata=metadata) if optional else field(metadata=metadata)
+
+
+def summary(value: Any) -> str:
+    """The name of a dataclass, and of each field its shape or its short text."""
+    parts = (
+        f"{item.name}: {_told(getattr(value, item.name))}"
+        for item in fields(value)
+        if getattr(value, item.name) is not None
+    )
+    return f"{type(value).__name__}({', '.join(parts)})"
+
+
+def _told(value: object) -> str:
+    if isinstance(value, np.ndarray):
+        return " x ".join(map(str, value.shape)) if value.ndim else str(value)
+    text = repr(value)
+    return text if len(text) <= LONGEST_TEXT else f"{type(value).__name__} ..."
 
 
 class Value:

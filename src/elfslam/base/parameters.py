@@ -21,7 +21,7 @@ from elfslam.base.text_files import parse_toml, read_toml
 Group = TypeVar("Group")
 
 
-def parameter(default: Any, unit: str, meaning: str, *, low: Any = None, high: Any = None) -> Any:
+def parameter(default: Any, unit: str, meaning: str, low: Any = None, high: Any = None) -> Any:
     """A dataclass field that documents itself; `low` and `high` bound it, both included."""
     metadata = {"unit": unit, "meaning": meaning, "low": low, "high": high}
     return dataclasses.field(default=default, metadata=metadata)

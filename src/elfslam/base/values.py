@@ -1,27 +1,55 @@
-"""The values that flow along the line. Rows are time; fields end in their unit.
+"""The values that flow through the pipeline. Rows are time; fields end in their unit.
 
 One clock: seconds since the recording began, on the audio sample clock. One plane: x, y in
 metres and heading in radians counter-clockwise from x. A pose is (x, y, heading).
 """
 
+# mypy takes every call on the right of a field for a default.
 # mypy: disable-error-code="misc"
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields
-from enum import IntEnum
+from enum import IntEnum, StrEnum
+from typing import Any
 
 import numpy as np
 
-from elfslam.base.arrays import F32, F64, I64, Bool, Value, array
+from elfslam.base.arrays import F32, F64, I64, Bool, Value, array, summary
 from elfslam.base.errors import InputError
-from elfslam.base.notebooks import Plotted, run_summary, summary
-from elfslam.base.points_of_interest import PointOfInterest
 
 ECHO_RATE_HZ = 44_100
 ECHO_SAMPLES = 2352  # a 12x48 image needs 96 + 47 * 48 (53.3 ms at 44.1 kHz)
 DISCARDED_SAMPLES = 485  # 10 ms of direct path, 1 ms of reflection off the holder's body
 ELF_SIZE = 128
+
+Announce = Callable[[str, float | None], None]
+"""Hears what is being done, and the share done where it is known."""
+
+
+def silent(what: str, share: float | None) -> None:
+    """Announce nothing."""
+
+
+class PointKind(StrEnum):
+    """What is at a point of interest."""
+
+    ROOM = "room"
+    DOOR = "door"
+    STAIRS = "stairs"
+    LIFT = "lift"
+    OTHER = "other"
+
+
+@dataclass(frozen=True)
+class PointOfInterest:
+    """A place with a name, in the plane of its map."""
+
+    name: str
+    kind: PointKind
+    x_m: float
+    y_m: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -315,6 +343,16 @@ class Trajectory(Value):
     verdict: Verdict | None = None
 
 
+class Plotted:
+    """A value that `elfslam.plot` can draw."""
+
+    def plot(self, truth: Any = None, **besides: Any) -> Any:
+        """A Plotly figure of this; see `elfslam.plot`."""
+        import elfslam
+
+        return elfslam.plot(self, truth, **besides)  # type: ignore[arg-type]
+
+
 @dataclass(frozen=True, eq=False)
 class Payload(Value):
     """What one modality knows at each spot of a map, and the encoder that made it."""
@@ -397,4 +435,10 @@ class Run(Plotted):
     points_of_interest: tuple[PointOfInterest, ...] = ()
     checkpoints: Checkpoints | None = None
 
-    __repr__ = run_summary
+    def __repr__(self) -> str:
+        """What mapping gave, in a line."""
+        kept = int((self.trajectory.closure_weights > 0.5).sum())
+        return (
+            f"Run({self.name!r}, by {self.similarity.kind}: {len(self.trajectory.t_s)} footsteps, "
+            f"{kept} of {len(self.closures.i)} closures kept, {self.trajectory.status})"
+        )

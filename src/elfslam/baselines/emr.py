@@ -32,17 +32,13 @@ EMR_CLOSURES = ClosureParameters(
 class EmrParameters:
     """How stretches of hum are cut and compared."""
 
-    half_window: int = parameter(
-        8, "footsteps", "compared before and after each footstep", low=0, high=64
-    )
-    warp: int = parameter(
-        1, "footsteps", "how far the warping may shift a footstep", low=0, high=64
-    )
+    half_window: int = parameter(8, "footsteps", "compared before and after each footstep", 0, 64)
+    warp: int = parameter(1, "footsteps", "how far the warping may shift a footstep", 0, 64)
     quiet_uv: float = parameter(
-        0.1, "uV", "amplitudes far below this are all one: noise", low=1e-6, high=1e6
+        0.1, "uV", "amplitudes far below this are all one: noise", 1e-6, 1e6
     )
     cost_scale: float = parameter(
-        1.0, "", "warping cost (in standard deviations) where the score falls to 1/e", low=0.01
+        1.0, "", "warping cost (in standard deviations) where the score falls to 1/e", 0.01
     )
 
 

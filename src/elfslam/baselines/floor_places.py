@@ -24,15 +24,18 @@ from elfslam.baselines.floor_walks import (
     LEVELS,
     FloorParameters,
     FloorWalk,
+    StartSigma,
+    corrected,
     field_levels,
     heading_by_phone,
+    thinned_rows,
 )
 from elfslam.baselines.neighbours import UNKNOWN_HEADING_RAD, field_weights
 from elfslam.baselines.rival_maps import payload_of, rssi_of
-from elfslam.baselines.walks_graph import StartSigma, corrected, thinned_rows
-from elfslam.baselines.wifi import Fingerprints, fingerprints
-from elfslam.baselines.wifi_places import (
+from elfslam.baselines.wifi import (
+    Fingerprints,
     WifiPlaces,
+    fingerprints,
     place_scores,
     placed_by,
     wifi_places,

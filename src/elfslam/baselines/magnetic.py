@@ -48,16 +48,14 @@ class MagneticParameters:
     """How stretches of the magnetic field are cut and compared, most of it for `tuned` alone."""
 
     variant: str = parameter("tuned", "", "tuned, or the paper's warping footstep by footstep")
-    spacing_m: float = parameter(0.25, "m", "distance between samples of the field", low=0.02)
-    half_window_m: float = parameter(
-        2.0, "m", "length compared before and after each node", low=0.1
-    )
-    warp_m: float = parameter(0.5, "m", "how far the warping may shift a sample", low=0.0)
+    spacing_m: float = parameter(0.25, "m", "distance between samples of the field", 0.02)
+    half_window_m: float = parameter(2.0, "m", "length compared before and after each node", 0.1)
+    warp_m: float = parameter(0.5, "m", "how far the warping may shift a sample", 0.0)
     least_variation_ut: float = parameter(
-        2.0, "uT", "components that vary less are not scaled up to unit variance", low=0.1
+        2.0, "uT", "components that vary less are not scaled up to unit variance", 0.1
     )
     cost_scale: float = parameter(
-        0.82, "", "warping cost (in standard deviations) where the score falls to 1/e", low=0.01
+        0.82, "", "warping cost (in standard deviations) where the score falls to 1/e", 0.01
     )
 
 

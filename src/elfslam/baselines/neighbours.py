@@ -27,19 +27,19 @@ UNKNOWN_HEADING_RAD = 100.0
 class NeighbourParameters:
     """What places are compared by, and how strongly those that are alike attract each other."""
 
-    count: int = parameter(6, "", "places that draw a place towards them", low=1, high=1000)
+    count: int = parameter(6, "", "places that draw a place towards them", 1, 1000)
     within_m: float = parameter(
-        20.0, "m", "dead reckoning is never so far off: what lies beyond is not asked", low=0.1
+        20.0, "m", "dead reckoning is never so far off: what lies beyond is not asked", 0.1
     )
-    wifi_power: float = parameter(8.0, "", "exponent of the Wi-Fi score in the weight", low=0.0)
+    wifi_power: float = parameter(8.0, "", "exponent of the Wi-Fi score in the weight", 0.0)
     field_scale: float = parameter(
-        1.0, "", "warping cost where the weight by field falls to 1/e", low=0.01
+        1.0, "", "warping cost where the weight by field falls to 1/e", 0.01
     )
-    field_unit_ut: float = parameter(8.0, "uT", "difference of the field that costs 1", low=0.01)
-    half_window_m: float = parameter(8.0, "m", "field compared before and after", low=0.1)
-    spacing_m: float = parameter(0.5, "m", "distance between samples of the field", low=0.05)
-    warp_m: float = parameter(1.5, "m", "how far the warping may shift a sample", low=0.0)
-    sigma_m: float = parameter(20.0, "m", "error of all pulls on one place together", low=0.01)
+    field_unit_ut: float = parameter(8.0, "uT", "difference of the field that costs 1", 0.01)
+    half_window_m: float = parameter(8.0, "m", "field compared before and after", 0.1)
+    spacing_m: float = parameter(0.5, "m", "distance between samples of the field", 0.05)
+    warp_m: float = parameter(1.5, "m", "how far the warping may shift a sample", 0.0)
+    sigma_m: float = parameter(20.0, "m", "error of all pulls on one place together", 0.01)
 
 
 def candidates(xy_m: F64, walk: I64, parameters: NeighbourParameters) -> Bool:

@@ -17,9 +17,8 @@ from elfslam.data.atomic_files import replaced_file, settled
 from elfslam.data.map_files import FACTS, read_facts
 from elfslam.data.position_files import read_fixes
 from elfslam.data.runs import read_run
-from elfslam.scoring.errors import alignment_of
+from elfslam.scoring.errors import ScoreRow, alignment_of, closure_scores, fix_scores, run_scores
 from elfslam.scoring.report import write_report
-from elfslam.scoring.tables import ScoreRow, closure_scores, fix_scores, run_scores
 from elfslam.scoring.truth import read_truth
 
 

@@ -25,7 +25,7 @@ def pretrain_command(
     parameter_file: ParameterFile = None,
     setting: Setting = None,
 ) -> None:
-    """Train an encoder on simulated echoes; goes on after a kill. By several under torchrun."""
+    """Train an encoder on simulated echoes; goes on after a kill."""
     from elfslam.app.simulated_training import pretrain_on_simulated_echoes
 
     known = load(Settings(), parameter_file, setting or []).pretrain
@@ -33,8 +33,7 @@ def pretrain_command(
         loss = pretrain_on_simulated_echoes(
             out, known, seed=seed, announce=announce, on=on, overwrite=force
         )
-    if loss is not None:
-        say(f"wrote {out}; mean loss of the last tenth: {loss:.3f}")
+    say(f"wrote {out}; mean loss of the last tenth: {loss:.3f}")
 
 
 def finetune_command(

@@ -23,8 +23,8 @@ import elfslam
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.grid import Polygon, in_polygon, outlines, walked_grid
-from elfslam.base.points_of_interest import PointKind, PointOfInterest
 from elfslam.base.text_files import read_toml
+from elfslam.base.values import PointKind, PointOfInterest
 from elfslam.data.geographic import Origin
 from elfslam.data.map_exports import feature, point_of, polygon_of
 

@@ -22,8 +22,7 @@ from elfslam.base.arrays import F64, I64, Bool
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import chain
 from elfslam.base.grid import FloorGrid, Polygon
-from elfslam.base.points_of_interest import PointOfInterest
-from elfslam.base.values import FloorMap, PoseGraph
+from elfslam.base.values import FloorMap, PointOfInterest, PoseGraph
 from elfslam.data.geographic import Origin, bearings_deg, to_lon_lat
 from elfslam.data.tables import number_or_nan, read_lines
 

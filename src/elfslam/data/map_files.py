@@ -14,9 +14,8 @@ from elfslam.base.arrays import F64
 from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.enums import Modality
 from elfslam.base.errors import InputError, StoreError
-from elfslam.base.points_of_interest import PointOfInterest
 from elfslam.base.text_files import read_json
-from elfslam.base.values import FloorMap, Payload, Trajectory
+from elfslam.base.values import FloorMap, Payload, PointOfInterest, Trajectory
 from elfslam.data.named_places import write_points
 from elfslam.data.npz import read_npz, write_npz
 from elfslam.data.position_files import read_tum, write_tum

@@ -11,8 +11,7 @@ import numpy as np
 
 from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.errors import InputError
-from elfslam.base.points_of_interest import PointKind, PointOfInterest
-from elfslam.base.values import Checkpoints
+from elfslam.base.values import Checkpoints, PointKind, PointOfInterest
 from elfslam.data.tables import check_size, number_or_nan, read_named_rows
 
 POINTS_OF_INTEREST = "points_of_interest.csv"

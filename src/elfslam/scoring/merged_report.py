@@ -1,4 +1,4 @@
-"""The report of a map of many walks."""
+"""The report of a map of many walks, with a tile per square metre for how far it can be trusted."""
 
 from __future__ import annotations
 
@@ -6,12 +6,78 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import plotly.graph_objects as go
 
+from elfslam.base.arrays import F64
 from elfslam.base.values import FloorMap
 from elfslam.scoring import figures
+from elfslam.scoring.figures import WRONG, styled
 from elfslam.scoring.page import Page, Panel, rows_table, save_page
-from elfslam.scoring.quality_figures import error_tiles, sigma_tiles, walks_tiles, weight_tiles
 from elfslam.stages.quality import MapQuality
+
+GOOD_MANY = [[0.0, "#e9f4f3"], [0.5, "#5fb4b2"], [1.0, "#0b5f61"]]
+GOOD_FEW = [[0.0, "#e9f4f3"], [0.5, "#e9b872"], [1.0, "#b3261e"]]
+TILE_GAP_PX = 1
+HEIGHT_PX = 400
+
+
+def walks_tiles(quality: MapQuality) -> go.Figure:
+    """How many walks know each square."""
+    walks = quality.walks.astype(np.float64)
+    return _tiles(quality, walks, "walks", GOOD_MANY, least=1, digits=".0f")
+
+
+def sigma_tiles(quality: MapQuality) -> go.Figure:
+    """How uncertain the positions of the spots in each square are, one sigma per axis."""
+    return _tiles(quality, quality.sigma_m, "m", GOOD_FEW, least=0.5)
+
+
+def error_tiles(quality: MapQuality) -> go.Figure:
+    """How far off the other walks find the spots of each square; empty where no other was."""
+    return _tiles(quality, np.minimum(quality.error_m, 2.0), "m", GOOD_FEW, least=0.5)
+
+
+def weight_tiles(quality: MapQuality) -> go.Figure:
+    """How much what is known of each square still counts; a cross where it has changed."""
+    figure = _tiles(quality, quality.weight, "weight", GOOD_MANY, least=1)
+    changed = quality.xy_m[quality.changed]
+    marker = {"symbol": "x-thin", "size": 11, "line": {"width": 2.5, "color": WRONG}}
+    crosses = go.Scatter(
+        x=changed[:, 0], y=changed[:, 1], mode="markers", marker=marker, name="changed",
+        hovertemplate="changed: %{x:.1f}, %{y:.1f}<extra></extra>",
+    )  # fmt: skip
+    figure.add_trace(crosses)
+    return figure.update_layout(showlegend=bool(len(changed)))
+
+
+def _tiles(
+    quality: MapQuality,
+    values: F64,
+    unit: str,
+    scale: list[list[object]],
+    *,
+    least: float,
+    digits: str = ".2f",
+) -> go.Figure:
+    """Values (c) of the squares, the others left open; the scale goes to `least` or further."""
+    columns, x = np.unique(quality.xy_m[:, 0], return_inverse=True)
+    rows, y = np.unique(quality.xy_m[:, 1], return_inverse=True)
+    grid = np.full((len(rows), len(columns)), np.nan)
+    grid[y, x] = values
+    most = float(np.nan_to_num(values).max(initial=least))
+    look = {"thickness": 10, "outlinewidth": 0, "title": {"text": unit}}
+    hover = f"%{{x:.1f}}, %{{y:.1f}}: %{{z:{digits}}} {unit}<extra></extra>"
+    heat = go.Heatmap(
+        x=columns, y=rows, z=grid.round(3), colorscale=scale, xgap=TILE_GAP_PX, ygap=TILE_GAP_PX,
+        zmin=0, zmax=most, colorbar=look, hoverongaps=False, hovertemplate=hover,
+    )  # fmt: skip
+    figure = styled(go.Figure(heat), height_px=HEIGHT_PX)
+    figure.update_xaxes(title_text="x (m)", showgrid=False, constrain="domain")
+    figure.update_yaxes(
+        title_text="y (m)", showgrid=False, constrain="domain", scaleanchor="x", scaleratio=1
+    )
+    return figure
+
 
 PAIRS_NOTE = (
     "Places: ground that both cover in the same direction. Resemblance: there, relative to that of "

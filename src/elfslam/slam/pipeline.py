@@ -1,11 +1,11 @@
-"""The line put together: read it aloud and you know the method."""
+"""The pipeline: read it aloud and you know the method."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -13,10 +13,11 @@ import numpy as np
 from elfslam.base.arrays import F32, Bool
 from elfslam.base.enums import Mode
 from elfslam.base.parameters import digest
-from elfslam.base.progress import Announce, silent
 from elfslam.base.values import (
     NO_CLOSURES,
+    Announce,
     AnySimilarity,
+    Checkpoints,
     Closures,
     Echoes,
     Features,
@@ -27,6 +28,7 @@ from elfslam.base.values import (
     Recording,
     Run,
     Trajectory,
+    silent,
 )
 from elfslam.slam.front_end import (
     apply_acoustic_scale,
@@ -34,14 +36,13 @@ from elfslam.slam.front_end import (
     extract_echoes,
     extract_query_echoes,
 )
-from elfslam.slam.optimisation import optimise_walk
 from elfslam.slam.parameters import Parameters
-from elfslam.stages.checkpoints import closures_at, places_visited
+from elfslam.stages.checkpoints import OnPlan, closures_at, lies_on_plan, on_plan, places_visited
 from elfslam.stages.closure import ClosureParameters, find_closures, joined, sharing_errors
 from elfslam.stages.device_adaptation import to_map_domain
 from elfslam.stages.feature import Encoder, extract_features
 from elfslam.stages.floormap import trajectory_map
-from elfslam.stages.graph import agreeing, build_graph
+from elfslam.stages.graph import agreeing, build_graph, optimise
 from elfslam.stages.locate import (
     LocateParameters,
     elf_payload,
@@ -250,3 +251,40 @@ def _stage(seconds: dict[str, float], announce: Announce, name: str) -> Iterator
     start = time.perf_counter()
     yield
     seconds[name] = time.perf_counter() - start
+
+
+def optimise_walk(
+    nodes: Odometry,
+    closures: Closures,
+    by_hand: Bool,
+    checkpoints: Checkpoints | None,
+    parameters: Parameters,
+) -> tuple[Odometry, Trajectory]:
+    """Pose graph optimisation of a walk: its dead reckoning, and the trajectory that came of it.
+
+    Both in the frame of the floor plan where its walker tapped two places or more on one, and the
+    walk agrees with them; else in that of its start. Closures made `by_hand` (k) are believed at
+    first.
+    """
+    plan = on_plan(checkpoints, nodes, parameters.checkpoint)
+    if plan is not None:
+        laid = _on_plan(plan, closures, by_hand, parameters)
+        if lies_on_plan(checkpoints, laid, parameters.checkpoint):
+            return replace(nodes, world_from_body=plan.nodes.world_from_body[1:]), laid
+    graph = build_graph(nodes, closures)
+    return nodes, optimise(graph, nodes.t_s, parameters.graph, by_hand=by_hand)
+
+
+def _on_plan(plan: OnPlan, closures: Closures, by_hand: Bool, parameters: Parameters) -> Trajectory:
+    """The footsteps of a pose graph that begins amid the taps on the plan and bends to them."""
+    own = replace(closures, i=closures.i + 1, j=closures.j + 1)
+    graph = build_graph(plan.nodes, joined([own, plan.closures]))
+    taps_too = np.concatenate([by_hand, plan.believed])
+    solved = optimise(graph, plan.nodes.t_s, parameters.graph, by_hand=taps_too)
+    return replace(
+        solved,
+        t_s=solved.t_s[1:],
+        world_from_body=solved.world_from_body[1:],
+        covariance=solved.covariance[1:],
+        closure_weights=solved.closure_weights[: len(closures.i)],
+    )

@@ -43,36 +43,24 @@ so many times their scatter."""
 class AcousticOdometryParameters:
     """How the walk is cut, which scales are tried, and what is refused."""
 
-    window_s: float = parameter(6.0, "s", "length of walk in one picture", low=0.5, high=60.0)
-    directions: int = parameter(48, "", "directions of walls that are tried", low=8, high=720)
-    smallest_scale: float = parameter(
-        0.74, "", "smallest true over claimed distance", low=0.1, high=1.0
-    )
-    largest_scale: float = parameter(
-        1.34, "", "largest true over claimed distance", low=1.0, high=10.0
-    )
-    least_speed_mps: float = parameter(
-        0.6, "m/s", "slower windows are left out", low=0.05, high=3.0
-    )
-    least_windows: int = parameter(4, "", "fewer windows are refused", low=2, high=1000)
+    window_s: float = parameter(6.0, "s", "length of walk in one picture", 0.5, 60.0)
+    directions: int = parameter(48, "", "directions of walls that are tried", 8, 720)
+    smallest_scale: float = parameter(0.74, "", "smallest true over claimed distance", 0.1, 1.0)
+    largest_scale: float = parameter(1.34, "", "largest true over claimed distance", 1.0, 10.0)
+    least_speed_mps: float = parameter(0.6, "m/s", "slower windows are left out", 0.05, 3.0)
+    least_windows: int = parameter(4, "", "fewer windows are refused", 2, 1000)
     least_contrast: float = parameter(
-        0.12,
-        "",
-        "logarithm of the best sharpness over the usual that is wanted",
-        low=0.0,
-        high=10.0,
+        0.12, "", "logarithm of the best sharpness over the usual that is wanted", 0.0, 10.0
     )
     most_scatter: float = parameter(
-        0.08, "", "windows that disagree more on the scale are refused", low=0.001, high=1.0
+        0.08, "", "windows that disagree more on the scale are refused", 0.001, 1.0
     )
     model_sigma: float = parameter(
-        0.01, "", "error of the speed of sound and of the model, relative", low=0.0, high=0.2
+        0.01, "", "error of the speed of sound and of the model, relative", 0.0, 0.2
     )
-    sound_mps: float = parameter(
-        343.2, "m/s", "speed of sound; that of 20 degrees C", low=300.0, high=380.0
-    )
+    sound_mps: float = parameter(343.2, "m/s", "speed of sound; that of 20 degrees C", 300.0, 380.0)
     ahead_s: float = parameter(
-        0.040, "s", "a sweep hears ranges as they will be so much later", low=0.0, high=0.2
+        0.040, "s", "a sweep hears ranges as they will be so much later", 0.0, 0.2
     )
 
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.geometry import between, compose
-from elfslam.base.points_of_interest import PointOfInterest
-from elfslam.base.values import Trajectory
+from elfslam.base.values import PointOfInterest, Trajectory
 
 SAME_PLACE_M = 3.0
 """Two walkers stand this far apart at most when they name one place alike."""

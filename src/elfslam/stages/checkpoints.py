@@ -10,8 +10,15 @@ from scipy.stats import chi2
 from elfslam.base.arrays import F64, I64, Bool
 from elfslam.base.geometry import compose
 from elfslam.base.parameters import parameter
-from elfslam.base.points_of_interest import PointKind, PointOfInterest
-from elfslam.base.values import NO_CLOSURES, Checkpoints, Closures, Odometry, Trajectory
+from elfslam.base.values import (
+    NO_CLOSURES,
+    Checkpoints,
+    Closures,
+    Odometry,
+    PointKind,
+    PointOfInterest,
+    Trajectory,
+)
 
 ANY_HEADING_RAD = 6.0
 """Whoever stands at a door may face anywhere."""
@@ -33,10 +40,10 @@ class CheckpointParameters:
     """What a tap on "I am here" says."""
 
     sigma_m: float = parameter(
-        0.4, "m", "how far from a named place its walker stands, per axis", low=0.01, high=100.0
+        0.4, "m", "how far from a named place its walker stands, per axis", 0.01, 100.0
     )
     slack_s: float = parameter(
-        2.0, "s", "a tap this long before or after all footsteps still counts", low=0.0, high=600.0
+        2.0, "s", "a tap this long before or after all footsteps still counts", 0.0, 600.0
     )
 
 

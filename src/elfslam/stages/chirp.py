@@ -20,18 +20,12 @@ class ChirpParameters:
     """What is played (paper section 3, excitation signal)."""
 
     kind: str = parameter("chirp", "", "excitation: chirp (logarithmic) or tone")
-    band_low_hz: float = parameter(
-        15_000.0, "Hz", "lower end of the band", low=1_000.0, high=21_000.0
-    )
-    band_high_hz: float = parameter(
-        20_000.0, "Hz", "upper end of the band", low=2_000.0, high=22_000.0
-    )
-    duration_s: float = parameter(0.010, "s", "length of one excitation", low=0.001, high=0.05)
-    period_s: float = parameter(
-        0.100, "s", "time from one excitation to the next", low=0.08, high=1.0
-    )
+    band_low_hz: float = parameter(15_000.0, "Hz", "lower end of the band", 1_000.0, 21_000.0)
+    band_high_hz: float = parameter(20_000.0, "Hz", "upper end of the band", 2_000.0, 22_000.0)
+    duration_s: float = parameter(0.010, "s", "length of one excitation", 0.001, 0.05)
+    period_s: float = parameter(0.100, "s", "time from one excitation to the next", 0.08, 1.0)
     fade_s: float = parameter(
-        0.001, "s", "raised-cosine fade at both ends, against clicks", low=0.0, high=0.025
+        0.001, "s", "raised-cosine fade at both ends, against clicks", 0.0, 0.025
     )
 
 

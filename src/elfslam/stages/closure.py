@@ -1,4 +1,4 @@
-"""Loop closure detection by sequence matching and a ratio test against rival places.
+"""Loop closure detection by sequence matching and a ratio test against competing places.
 
 A single pair of footsteps says little. Similarity is averaged along the diagonal, for a stretch
 walked again, and along the antidiagonal, for one walked back. Its ridges are candidates. Dead
@@ -20,9 +20,95 @@ from scipy.spatial import cKDTree
 from scipy.stats import chi2
 
 from elfslam.base.arrays import F32, F64, I64, Bool
-from elfslam.base.drift import Drift
+from elfslam.base.geometry import wrap_angle
 from elfslam.base.parameters import parameter
 from elfslam.base.values import AnySimilarity, Closures, Odometry
+
+
+class Drift:
+    """The covariance of the way from one node to a later one, for any pair, from sums kept once.
+
+    Steps err independently, each with its own sigmas; a heading error swings all that follows. The
+    odometry's `scale_sigma` and `heading_drift_sigma_radps` bear on all steps alike.
+    """
+
+    def __init__(self, odometry: Odometry) -> None:
+        self._poses, self._t_s = odometry.world_from_body, odometry.t_s
+        self._scale_sigma = odometry.scale_sigma
+        self._heading_drift_sigma_radps = odometry.heading_drift_sigma_radps
+        turn = odometry.step_sigma[:, 2] ** 2
+        # Relative to the middle of the walk: far from the origin the sums below would cancel.
+        self._xy_m = self._poses[:, :2] - self._poses[:, :2].mean(axis=0)
+        after = self._xy_m[1:]
+        self._steps = _summed(_step_covariances(odometry))
+        self._turns = _summed(turn)
+        self._swings = _summed(turn[:, None] * after)
+        self._drifts = _summed(np.diff(self._t_s)[:, None] * after)
+        self._squares = _summed(turn[:, None, None] * after[:, :, None] * after[:, None, :])
+
+    def covariances(self, i: I64, j: I64) -> F64:
+        """Covariance (k, 3, 3) of x, y and heading of nodes j as seen from nodes i <= j.
+
+        In the axes of the odometry, m and rad; to first order.
+        """
+        end = self._xy_m[j]
+        turns, swings = self._turns[j] - self._turns[i], self._swings[j] - self._swings[i]
+        lever = turns[:, None] * end - swings
+        cross = end[:, :, None] * swings[:, None, :]
+        spread = turns[:, None, None] * end[:, :, None] * end[:, None, :]
+        spread += self._squares[j] - self._squares[i] - cross - np.swapaxes(cross, 1, 2)
+        way = end - self._xy_m[i]
+        covariance = np.zeros((len(end), 3, 3))
+        covariance[:, :2, :2] = self._steps[j] - self._steps[i] + _turned(spread)
+        covariance[:, :2, :2] += self._scale_sigma**2 * way[:, :, None] * way[:, None, :]
+        covariance[:, :2, 2] = covariance[:, 2, :2] = np.column_stack([-lever[:, 1], lever[:, 0]])
+        covariance[:, 2, 2] = turns
+        return np.asarray(covariance + self._steady_turn(i, j))
+
+    def _steady_turn(self, i: I64, j: I64) -> F64:
+        """What a heading that drifts steadily adds (k, 3, 3)."""
+        lasting_s = self._t_s[j] - self._t_s[i]
+        lever = lasting_s[:, None] * self._xy_m[j] - (self._drifts[j] - self._drifts[i])
+        swing = np.column_stack([-lever[:, 1], lever[:, 0], lasting_s])
+        return np.asarray(
+            self._heading_drift_sigma_radps**2 * swing[:, :, None] * swing[:, None, :]
+        )
+
+    def disagreement(self, i: I64, j: I64, turn_rad: F64 | float, slack: F64) -> F64:
+        """Squared Mahalanobis distance (k) of "node j is where node i is, turned by `turn_rad`".
+
+        `slack` (3, m m rad) is how exactly "where" is meant, one sigma per axis. With three
+        degrees of freedom.
+        """
+        way = self._poses[j] - self._poses[i]
+        way[:, 2] = wrap_angle(way[:, 2] - turn_rad)
+        covariance = self.covariances(i, j) + np.diag(np.square(slack))
+        return np.asarray(np.einsum("ki,ki->k", way, _solved(covariance, way)))
+
+
+def _solved(covariance: F64, way: F64) -> F64:
+    return np.asarray(np.linalg.solve(covariance, way[:, :, None])[:, :, 0])
+
+
+def _summed(terms: F64) -> F64:
+    """Sums (n+1, ...) of the first k terms."""
+    return np.concatenate([np.zeros((1, *terms.shape[1:])), np.cumsum(terms, axis=0)])
+
+
+def _step_covariances(odometry: Odometry) -> F64:
+    """Covariance (n-1, 2, 2) of each step's end, forward and lateral turned into the axes."""
+    heading_rad = odometry.world_from_body[:-1, 2]
+    forward = np.column_stack([np.cos(heading_rad), np.sin(heading_rad)])
+    left = np.column_stack([-forward[:, 1], forward[:, 0]])
+    variance = odometry.step_sigma**2
+    along = variance[:, 0, None, None] * forward[:, :, None] * forward[:, None, :]
+    return np.asarray(along + variance[:, 1, None, None] * left[:, :, None] * left[:, None, :])
+
+
+def _turned(spread: F64) -> F64:
+    """The same second moments (k, 2, 2) of vectors turned by a right angle."""
+    return np.asarray(spread[:, ::-1, ::-1].swapaxes(1, 2) * np.array([[1.0, -1.0], [-1.0, 1.0]]))
+
 
 AGAIN, BACK = 1, -1
 """Ways of walking a stretch a second time."""
@@ -36,40 +122,32 @@ class ClosureParameters:
     """What counts as a loop closure."""
 
     threshold: float = parameter(
-        0.22, "", "mean similarity along a sequence that makes a candidate", low=-1.0, high=1.0
+        0.22, "", "mean similarity along a sequence that makes a candidate", -1.0, 1.0
     )
     back_margin: float = parameter(
-        0.4, "", "how much more alike a stretch walked back must be", low=0.0, high=2.0
+        0.4, "", "how much more alike a stretch walked back must be", 0.0, 2.0
     )
     near_footsteps: int = parameter(
-        12, "footsteps", "neighbours in time are not closures", low=1, high=10_000
+        12, "footsteps", "neighbours in time are not closures", 1, 10_000
     )
-    half_sequence: int = parameter(
-        6, "footsteps", "averaged before and after a footstep", low=0, high=200
-    )
+    half_sequence: int = parameter(6, "footsteps", "averaged before and after a footstep", 0, 200)
     half_peak: int = parameter(
-        2, "footsteps", "the same over which a ridge is placed exactly", low=0, high=200
+        2, "footsteps", "the same over which a ridge is placed exactly", 0, 200
     )
     ridge_footsteps: int = parameter(
-        3, "footsteps", "a candidate is the best this far to either side", low=1, high=100
+        3, "footsteps", "a candidate is the best this far to either side", 1, 100
     )
     rival_margin: float = parameter(
-        0.05, "", "by how much a candidate must beat those it contradicts", low=0.0, high=2.0
+        0.05, "", "by how much a candidate must beat those it contradicts", 0.0, 2.0
     )
     gate_probability: float = parameter(
-        0.999, "", "a pair that dead reckoning holds for less likely is dropped", low=0.5, high=1.0
+        0.999, "", "a pair that dead reckoning holds for less likely is dropped", 0.5, 1.0
     )
-    along_sigma_m: float = parameter(
-        0.20, "m", "error of a closure along the walk", low=0.01, high=100.0
-    )
-    across_sigma_m: float = parameter(
-        0.28, "m", "error of a closure across the walk", low=0.01, high=100.0
-    )
-    heading_sigma_rad: float = parameter(
-        0.28, "rad", "error of a closure's heading", low=0.01, high=3.14
-    )
+    along_sigma_m: float = parameter(0.20, "m", "error of a closure along the walk", 0.01, 100.0)
+    across_sigma_m: float = parameter(0.28, "m", "error of a closure across the walk", 0.01, 100.0)
+    heading_sigma_rad: float = parameter(0.28, "rad", "error of a closure's heading", 0.01, 3.14)
     shared_footsteps: int = parameter(
-        0, "footsteps", "closures this near each other share one error", low=0, high=1_000
+        0, "footsteps", "closures this near each other share one error", 0, 1_000
     )
 
 

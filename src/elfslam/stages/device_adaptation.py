@@ -22,19 +22,19 @@ from elfslam.base.values import Features, FloorMap
 class PhoneParameters:
     """How an unknown phone is matched to a map and translated."""
 
-    window_s: float = parameter(0.6, "s", "sound that is matched at once", low=0.1, high=10.0)
-    rounds: int = parameter(4, "", "of matching and translating", low=1, high=50)
+    window_s: float = parameter(0.6, "s", "sound that is matched at once", 0.1, 10.0)
+    rounds: int = parameter(4, "", "of matching and translating", 1, 50)
     ridge: float = parameter(
-        20.0, "echoes", "how many would have to contradict that phones are alike", low=1e-3
+        20.0, "echoes", "how many would have to contradict that phones are alike", 1e-3
     )
-    candidates: int = parameter(300, "", "spots that a window may be at", low=2)
-    temperature: float = parameter(0.05, "", "softmax temperature of the ESS", low=1e-3, high=10.0)
-    speed_mps: float = parameter(1.25, "m/s", "people walk up to this", low=0.1, high=5.0)
-    speed_sigma_mps: float = parameter(0.33, "m/s", "and this much faster, one sigma", low=0.01)
+    candidates: int = parameter(300, "", "spots that a window may be at", 2)
+    temperature: float = parameter(0.05, "", "softmax temperature of the ESS", 1e-3, 10.0)
+    speed_mps: float = parameter(1.25, "m/s", "people walk up to this", 0.1, 5.0)
+    speed_sigma_mps: float = parameter(0.33, "m/s", "and this much faster, one sigma", 0.01)
     jump: float = parameter(
-        20.0, "nats", "most that a step costs, however far: the match may be wrong", low=0.0
+        20.0, "nats", "most that a step costs, however far: the match may be wrong", 0.0
     )
-    fewest_windows: int = parameter(20, "", "fewer tell nothing of a phone", low=2)
+    fewest_windows: int = parameter(20, "", "fewer tell nothing of a phone", 2)
 
 
 def learn_phone(features: Features, floor_map: FloorMap, parameters: PhoneParameters) -> F32:

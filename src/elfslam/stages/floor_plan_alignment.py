@@ -40,39 +40,37 @@ MOST_PLANS = 3
 class AnchoringParameters:
     """How a walk is placed on a plan."""
 
-    cell_m: float = parameter(0.1, "m", "finest step of the search", low=0.02, high=2.0)
+    cell_m: float = parameter(0.1, "m", "finest step of the search", 0.02, 2.0)
     widest: int = parameter(
-        150, "", "squares across a plan; larger plans get larger squares", low=20, high=5000
+        150, "", "squares across a plan; larger plans get larger squares", 20, 5000
     )
     error_m: float = parameter(
-        0.15, "m", "error of a mapped walk and of the plan, one sigma", low=0.01, high=5.0
+        0.15, "m", "error of a mapped walk and of the plan, one sigma", 0.01, 5.0
     )
     patch_m: float = parameter(
-        0.5, "m", "side of a square within which a walk's errors are one", low=0.1, high=20.0
+        0.5, "m", "side of a square within which a walk's errors are one", 0.1, 20.0
     )
     keep_off_m: float = parameter(
-        0.4, "m", "distance that people keep from walls, to their middle", low=0.0, high=2.0
+        0.4, "m", "distance that people keep from walls, to their middle", 0.0, 2.0
     )
     reach_m: float = parameter(
-        0.6, "m", "further off accessible ground is no less likely", low=0.1, high=10.0
+        0.6, "m", "further off accessible ground is no less likely", 0.1, 10.0
     )
     scale_sigma: float = parameter(
-        0.02, "", "relative error of the walk's length, one sigma", low=0.0, high=0.2
+        0.02, "", "relative error of the walk's length, one sigma", 0.0, 0.2
     )
     near_m: float = parameter(
-        1.5, "m", "placements of the walk's middle that count as one", low=0.05, high=20.0
+        1.5, "m", "placements of the walk's middle that count as one", 0.05, 20.0
     )
-    near_rad: float = parameter(
-        0.6, "rad", "headings of the walk that count as one", low=0.01, high=3.2
-    )
+    near_rad: float = parameter(0.6, "rad", "headings of the walk that count as one", 0.01, 3.2)
     tag_sigma_m: float = parameter(
-        1.0, "m", "how well a place is known that somebody names, per axis", low=0.01, high=100.0
+        1.0, "m", "how well a place is known that somebody names, per axis", 0.01, 100.0
     )
     certainty: float = parameter(
-        0.95, "", "probability from which one placement is taken", low=0.5, high=1.0
+        0.95, "", "probability from which one placement is taken", 0.5, 1.0
     )
     most_off: float = parameter(
-        0.1, "", "share of a walk that may lie off accessible ground", low=0.0, high=1.0
+        0.1, "", "share of a walk that may lie off accessible ground", 0.0, 1.0
     )
 
 

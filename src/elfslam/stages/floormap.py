@@ -16,9 +16,7 @@ from elfslam.base.values import Features, FloorMap, Payload, Trajectory
 class FloorMapParameters:
     """How a walk becomes spots."""
 
-    window_s: float = parameter(
-        0.6, "s", "echoes around a spot that make its feature", low=0.1, high=60.0
-    )
+    window_s: float = parameter(0.6, "s", "echoes around a spot that make its feature", 0.1, 60.0)
 
 
 def trajectory_map(

@@ -24,27 +24,21 @@ SHORTEST_PERIOD_S = 0.08
 class LocateParameters:
     """How much sound makes a fix, and when none is given."""
 
-    window_s: float = parameter(0.6, "s", "sound used for one fix", low=0.1, high=60.0)
-    fewest_echoes: int = parameter(3, "", "fewer echoes in a window give NO_ECHO", low=1, high=600)
+    window_s: float = parameter(0.6, "s", "sound used for one fix", 0.1, 60.0)
+    fewest_echoes: int = parameter(3, "", "fewer echoes in a window give NO_ECHO", 1, 600)
     unknown_below: float = parameter(
-        0.6, "", "no spot more alike than this is UNKNOWN_PLACE", low=-1.0, high=1.0
+        0.6, "", "no spot more alike than this is UNKNOWN_PLACE", -1.0, 1.0
     )
     temperature: float = parameter(
-        0.05,
-        "",
-        "softmax temperature: a spot's weight is exp(likeness / this)",
-        low=1e-4,
-        high=10.0,
+        0.05, "", "softmax temperature: a spot's weight is exp(likeness / this)", 1e-4, 10.0
     )
     near_m: float = parameter(
-        1.0, "m", "spots this close to the best count as the same place", low=0.05, high=100.0
+        1.0, "m", "spots this close to the best count as the same place", 0.05, 100.0
     )
     ambiguous_below: float = parameter(
-        0.8, "", "less belief near the best spot is AMBIGUOUS", low=0.0, high=1.0
+        0.8, "", "less belief near the best spot is AMBIGUOUS", 0.0, 1.0
     )
-    sigma_floor_m: float = parameter(
-        0.10, "m", "least error of a fix per axis", low=0.0, high=100.0
-    )
+    sigma_floor_m: float = parameter(0.10, "m", "least error of a fix per axis", 0.0, 100.0)
 
 
 def locate_one_shot(features: Features, floor_map: FloorMap, parameters: LocateParameters) -> Fixes:

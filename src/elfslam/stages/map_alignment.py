@@ -38,44 +38,32 @@ class AlignmentParameters:
     """When walks of unknown starts are believed to lie in one frame."""
 
     short_sequence: int = parameter(
-        2, "footsteps", "averaged before and after a footstep to judge a placement", low=0, high=50
+        2, "footsteps", "averaged before and after a footstep to judge a placement", 0, 50
     )
-    near_m: float = parameter(
-        0.6, "m", "footsteps this close should sound alike", low=0.05, high=10.0
-    )
+    near_m: float = parameter(0.6, "m", "footsteps this close should sound alike", 0.05, 10.0)
     turn_rad: float = parameter(
-        0.6, "rad", "and only those that are walked within this angle", low=0.05, high=3.2
+        0.6, "rad", "and only those that are walked within this angle", 0.05, 3.2
     )
-    placements: int = parameter(120, "", "votes that are followed up", low=1, high=10_000)
-    votes: int = parameter(6000, "", "the strongest votes that are heard", low=10, high=10**6)
+    placements: int = parameter(120, "", "votes that are followed up", 1, 10_000)
+    votes: int = parameter(6000, "", "the strongest votes that are heard", 10, 10**6)
     least_places: int = parameter(
-        6, "m2", "ground that both must cover in the same direction", low=3, high=10_000
+        6, "m2", "ground that both must cover in the same direction", 3, 10_000
     )
     least_resemblance: float = parameter(
-        0.6, "", "resemblance there, relative to that of a walk to itself", low=0.0, high=2.0
+        0.6, "", "resemblance there, relative to that of a walk to itself", 0.0, 2.0
     )
     least_evidence: float = parameter(
-        2.5,
-        "",
-        "resemblance beyond half the usual, summed over the footsteps there",
-        low=0.0,
-        high=1000.0,
+        2.5, "", "resemblance beyond half the usual, summed over the footsteps there", 0.0, 1000.0
     )
     usual_resemblance: float = parameter(
-        0.5, "", "that of a walk to itself, where it never comes back", low=0.01, high=1.0
+        0.5, "", "that of a walk to itself, where it never comes back", 0.01, 1.0
     )
-    rival_m: float = parameter(
-        1.5, "m", "a placement this far off is another one", low=0.1, high=100.0
-    )
+    rival_m: float = parameter(1.5, "m", "a placement this far off is another one", 0.1, 100.0)
     least_lead: float = parameter(
-        2.5, "sigma", "by how much the best must beat every rival, place by place", low=0, high=100
+        2.5, "sigma", "by how much the best must beat every rival, place by place", 0, 100
     )
     rival_share: float = parameter(
-        0.5,
-        "",
-        "with less than this share of the best's evidence it is no rival",
-        low=0.0,
-        high=1.0,
+        0.5, "", "with less than this share of the best's evidence it is no rival", 0.0, 1.0
     )
 
 

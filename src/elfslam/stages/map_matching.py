@@ -26,21 +26,21 @@ from elfslam.base.values import Odometry, Trajectory
 class MapMatchingParameters:
     """How a walk is followed through a plan."""
 
-    particles: int = parameter(4000, "", "guesses of the walk", low=10, high=1_000_000)
+    particles: int = parameter(4000, "", "guesses of the walk", 10, 1_000_000)
     step_noise: float = parameter(
-        0.5, "", "share of the stated noise of steps that guesses differ by", low=0.01, high=10.0
+        0.5, "", "share of the stated noise of steps that guesses differ by", 0.01, 10.0
     )
     scale_sigma: float = parameter(
-        0.02, "", "relative error of the walk's length, one sigma", low=0.0, high=0.2
+        0.02, "", "relative error of the walk's length, one sigma", 0.0, 0.2
     )
     error_m: float = parameter(
-        0.15, "m", "how far off the ground of the plan people are taken to be", low=0.01, high=5.0
+        0.15, "m", "how far off the ground of the plan people are taken to be", 0.01, 5.0
     )
     reach_m: float = parameter(
-        0.6, "m", "further off accessible ground is no less likely", low=0.1, high=10.0
+        0.6, "m", "further off accessible ground is no less likely", 0.1, 10.0
     )
     say: float = parameter(
-        0.35, "", "share of a footstep's evidence that is new beside the last", low=0.01, high=1.0
+        0.35, "", "share of a footstep's evidence that is new beside the last", 0.01, 1.0
     )
 
 

@@ -20,8 +20,8 @@ BLOCK_ROWS = 512
 class QualityParameters:
     """How the quality of a map is told."""
 
-    cell_m: float = parameter(1.0, "m", "side of a square that is judged", low=0.1, high=100.0)
-    asked: int = parameter(4000, "", "spots that are looked for in the map", low=1, high=10**6)
+    cell_m: float = parameter(1.0, "m", "side of a square that is judged", 0.1, 100.0)
+    asked: int = parameter(4000, "", "spots that are looked for in the map", 1, 10**6)
 
 
 @dataclass(frozen=True, eq=False)

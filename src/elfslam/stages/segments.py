@@ -29,33 +29,30 @@ SPACING_M = 0.1
 class SegmentParameters:
     """How short walks are compared with stretches of a map, and when no fix is given."""
 
-    footsteps: int = parameter(8, "footsteps", "length of the short walk", low=2, high=100)
+    footsteps: int = parameter(8, "footsteps", "length of the short walk", 2, 100)
     most_off_m: float = parameter(
-        0.5, "m", "stretches further off the reckoned shape (rms) are none", low=0.01, high=100.0
+        0.5, "m", "stretches further off the reckoned shape (rms) are none", 0.01, 100.0
     )
-    scales: int = parameter(5, "", "lengths of step that are tried", low=1, high=50)
+    scales: int = parameter(5, "", "lengths of step that are tried", 1, 50)
     scale_reach: float = parameter(
-        0.15, "", "steps may be this much longer or shorter than reckoned", low=0.0, high=0.9
+        0.15, "", "steps may be this much longer or shorter than reckoned", 0.0, 0.9
     )
     unknown_below: float = parameter(
-        0.47, "", "mean likeness of the best stretch below this is UNKNOWN_PLACE", low=-1.0,
-        high=1.0,
-    )  # fmt: skip
+        0.47, "", "mean likeness of the best stretch below this is UNKNOWN_PLACE", -1.0, 1.0
+    )
     temperature: float = parameter(
-        0.025, "", "softmax temperature of the mean likeness", low=1e-4, high=10.0
+        0.025, "", "softmax temperature of the mean likeness", 1e-4, 10.0
     )
     near_m: float = parameter(
-        1.0, "m", "stretches that end this close to the best one are one place", low=0.05, high=100
+        1.0, "m", "stretches that end this close to the best one are one place", 0.05, 100
     )
     ambiguous_below: float = parameter(
-        0.9, "", "less belief near the best stretch is AMBIGUOUS", low=0.0, high=1.0
+        0.9, "", "less belief near the best stretch is AMBIGUOUS", 0.0, 1.0
     )
     fewest_heard: float = parameter(
-        0.5, "", "share of the footsteps that must have echoes, else NO_ECHO", low=0.0, high=1.0
+        0.5, "", "share of the footsteps that must have echoes, else NO_ECHO", 0.0, 1.0
     )
-    sigma_floor_m: float = parameter(
-        0.10, "m", "least error of a fix per axis", low=0.0, high=100.0
-    )
+    sigma_floor_m: float = parameter(0.10, "m", "least error of a fix per axis", 0.0, 100.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -49,55 +49,41 @@ CALM = 0.5
 class SpoofingParameters:
     """From when on a frame is odd, and how many odd frames are too many."""
 
-    memory_s: float = parameter(
-        1.8, "s", "how far back the frames that are judged lie", low=0.2, high=60.0
-    )
+    memory_s: float = parameter(1.8, "s", "how far back the frames that are judged lie", 0.2, 60.0)
     odd_share: float = parameter(
-        0.34, "", "this share of odd frames makes a stretch SUSPECT", low=0.01, high=1.0
+        0.34, "", "this share of odd frames makes a stretch SUSPECT", 0.01, 1.0
     )
     calm_share: float = parameter(
-        0.12, "", "it stays SUSPECT until fewer frames than this share are odd", low=0.0, high=1.0
+        0.12, "", "it stays SUSPECT until fewer frames than this share are odd", 0.0, 1.0
     )
-    fewest_frames: int = parameter(6, "", "fewer frames are not judged", low=1, high=600)
+    fewest_frames: int = parameter(6, "", "fewer frames are not judged", 1, 600)
     off_time_s: float = parameter(
-        0.001, "s", "a direct arrival this far off its time is odd", low=0.0, high=1.0
+        0.001, "s", "a direct arrival this far off its time is odd", 0.0, 1.0
     )
     before: float = parameter(
-        0.03, "", "envelope before a direct arrival over its own that is odd", low=0.0, high=1e6
+        0.03, "", "envelope before a direct arrival over its own that is odd", 0.0, 1e6
     )
     noise: float = parameter(
-        0.003, "", "noise before a direct arrival over its level that is odd", low=0.0, high=1e6
+        0.003, "", "noise before a direct arrival over its level that is odd", 0.0, 1e6
     )
     loud_first: float = parameter(
-        0.16, "", "first part of an echo trace (rms) over the direct level, odd", low=0.0, high=1e6
+        0.16, "", "first part of an echo trace (rms) over the direct level, odd", 0.0, 1e6
     )
-    loud_second: float = parameter(
-        0.065, "", "second part of an echo trace, likewise", low=0.0, high=1e6
-    )
-    loud_third: float = parameter(
-        0.033, "", "third part of an echo trace, likewise", low=0.0, high=1e6
-    )
-    loud_last: float = parameter(
-        0.017, "", "last part of an echo trace, likewise", low=0.0, high=1e6
-    )
-    clipped: float = parameter(
-        0.01, "", "share of samples at full scale that is odd", low=0.0, high=1.0
-    )
+    loud_second: float = parameter(0.065, "", "second part of an echo trace, likewise", 0.0, 1e6)
+    loud_third: float = parameter(0.033, "", "third part of an echo trace, likewise", 0.0, 1e6)
+    loud_last: float = parameter(0.017, "", "last part of an echo trace, likewise", 0.0, 1e6)
+    clipped: float = parameter(0.01, "", "share of samples at full scale that is odd", 0.0, 1.0)
     compared_chirps: int = parameter(
-        24, "", "chirps of which it is told whether echoes follow their loudness", low=8, high=600
+        24, "", "chirps of which it is told whether echoes follow their loudness", 8, 600
     )
     lag: float = parameter(
-        0.3,
-        "",
-        "dB per dB of their chirps that echoes lack: SUSPECT from there on",
-        low=0.0,
-        high=1.0,
+        0.3, "", "dB per dB of their chirps that echoes lack: SUSPECT from there on", 0.0, 1.0
     )
     clear_db: float = parameter(
-        10.0, "dB", "parts of an echo trace count where they are so far over noise", low=0, high=60
+        10.0, "dB", "parts of an echo trace count where they are so far over noise", 0, 60
     )
     lag_errors: float = parameter(
-        5.0, "", "standard errors that such a lag has, at the least", low=0.0, high=100.0
+        5.0, "", "standard errors that such a lag has, at the least", 0.0, 100.0
     )
 
 

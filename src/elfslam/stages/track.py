@@ -23,65 +23,57 @@ from elfslam.base.values import Fixes, FixStatus, FloorMap, Odometry
 class TrackParameters:
     """How guesses move, are weighed and renewed, and what a fix is worth."""
 
-    particles: int = parameter(1500, "", "guesses of where the walker is", low=10, high=1_000_000)
+    particles: int = parameter(1500, "", "guesses of where the walker is", 10, 1_000_000)
     temperature: float = parameter(
-        0.14, "", "softmax temperature of a likeness, footstep by footstep", low=1e-4, high=10.0
+        0.14, "", "softmax temperature of a likeness, footstep by footstep", 1e-4, 10.0
     )
     reach_m: float = parameter(
-        0.2, "m", "how far from a spot it sounds as there (sigma)", low=0.01, high=100.0
+        0.2, "m", "how far from a spot it sounds as there (sigma)", 0.01, 100.0
     )
     heading_reach_rad: float = parameter(
-        0.4, "rad", "how far the phone may be turned against the spot (sigma)", low=0.01, high=100.0
+        0.4, "rad", "how far the phone may be turned against the spot (sigma)", 0.01, 100.0
     )
-    neighbours: int = parameter(4, "", "nearest spots that explain a guess", low=1, high=100)
+    neighbours: int = parameter(4, "", "nearest spots that explain a guess", 1, 100)
     unexplained: float = parameter(
-        0.3, "", "likeness that is granted to guesses where no spot is near", low=-1.0, high=1.0
+        0.3, "", "likeness that is granted to guesses where no spot is near", -1.0, 1.0
     )
     renewed: float = parameter(
-        0.02, "", "share of guesses drawn from the echoes alone at each footstep", low=0.0, high=1.0
+        0.02, "", "share of guesses drawn from the echoes alone at each footstep", 0.0, 1.0
     )
     scale_sigma: float = parameter(
-        0.08, "", "how much longer or shorter steps may be than reckoned", low=0.0, high=1.0
+        0.08, "", "how much longer or shorter steps may be than reckoned", 0.0, 1.0
     )
     turn_sigma_rad: float = parameter(
-        0.06, "rad", "heading error of a footstep, on top of the reckoned", low=0.0, high=3.14
+        0.06, "rad", "heading error of a footstep, on top of the reckoned", 0.0, 3.14
     )
     memory: float = parameter(
-        0.7,
-        "",
-        "weight of the past in the likeness that tells an unknown place",
-        low=0.0,
-        high=0.99,
+        0.7, "", "weight of the past in the likeness that tells an unknown place", 0.0, 0.99
     )
     unknown_below: float = parameter(
-        0.45, "", "remembered likeness at the fix below this is UNKNOWN_PLACE", low=-1.0, high=1.0
+        0.45, "", "remembered likeness at the fix below this is UNKNOWN_PLACE", -1.0, 1.0
     )
     jump: float = parameter(
         0.55,
         "",
         "a place out of reach of the steps that is more alike by this is SUSPECT",
-        low=0.0,
-        high=3.0,
+        0.0,
+        3.0,
     )
     regained: float = parameter(
         0.16,
         "",
         "once SUSPECT, what is within reach is believed again when less alike by no more than this",
-        low=0.0,
-        high=3.0,
+        0.0,
+        3.0,
     )
-    settled: int = parameter(
-        6, "", "OK fixes until a place out of reach is SUSPECT", low=1, high=1_000_000
-    )
+    settled: int = parameter(6, "", "OK fixes until a place out of reach is SUSPECT", 1, 1_000_000)
     near_m: float = parameter(
-        1.0, "m", "guesses this close to the best place are one place", low=0.05, high=100.0
+        1.0, "m", "guesses this close to the best place are one place", 0.05, 100.0
     )
     ambiguous_below: float = parameter(
-        0.7, "", "less belief near the best place is AMBIGUOUS", low=0.0, high=1.0
+        0.7, "", "less belief near the best place is AMBIGUOUS", 0.0, 1.0
     )
-    sigma_floor_m: float = parameter(
-        0.10, "m", "least error of a fix per axis", low=0.0, high=100.0
-    )
+    sigma_floor_m: float = parameter(0.10, "m", "least error of a fix per axis", 0.0, 100.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from elfslam.base.values import FloorMap
 from elfslam.slam.merging import MergeParameters
 from elfslam.slam.merging.forgetting import chosen_spots, renewed, stacked
 from elfslam.slam.merging.grow import map_of
-from elfslam.slam.merging.parameters import MergingParameters
+from elfslam.slam.merging.members import MergingParameters
 
 KNOWN = MergeParameters()
 FADE = KNOWN.merging.fade

@@ -20,7 +20,7 @@ from elfslam.stages.graph import (
 )
 from elfslam.stages.graph.blocks import pattern_of
 from elfslam.stages.graph.building import believing, edges_of
-from elfslam.stages.graph.outlier_rejection import (
+from elfslam.stages.graph.solving import (
     agreeing_pairs,
     chain_covariance,
     chain_of,

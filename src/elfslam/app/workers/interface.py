@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any, Protocol, TypeVar
 
 from elfslam.base.errors import WorkerError
-from elfslam.base.progress import Announce
+from elfslam.base.values import Announce
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")

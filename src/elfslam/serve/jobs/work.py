@@ -28,8 +28,7 @@ from elfslam.base.arrays import F64
 from elfslam.base.enums import Modality, Mode, parse_stretch
 from elfslam.base.errors import ElfslamError, NoAnswerError
 from elfslam.base.geometry import path_length_m
-from elfslam.base.progress import Announce
-from elfslam.base.values import FixStatus, Run
+from elfslam.base.values import Announce, FixStatus, Run
 from elfslam.data.map_exports import walk_lines
 from elfslam.data.map_files import MISSING, read_facts, read_map
 from elfslam.data.position_files import write_fixes

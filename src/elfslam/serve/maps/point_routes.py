@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BaseModel, Field
 from sqlalchemy.orm import Session
 
 from elfslam.base.bounds import FARTHEST_M
-from elfslam.base.points_of_interest import PointKind, PointOfInterest
+from elfslam.base.values import PointKind, PointOfInterest
 from elfslam.data.named_places import (
     LONGEST_NAME,
     MOST,

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from elfslam.base.arrays import F64, I64, Bool
 from elfslam.base.geometry import wrap_angle
 from elfslam.base.values import FloorMap, Payload
-from elfslam.slam.merging.parameters import MergeParameters
+from elfslam.slam.merging.members import MergeParameters
 
 PASS_SPOTS = 50
 """Spots this far apart along a walk (some seconds) belong to different passes of a place."""

@@ -10,8 +10,7 @@ import numpy as np
 from elfslam.base.arrays import F64, I64, Bool
 from elfslam.base.geometry import between, compose, inverse
 from elfslam.base.values import Closures, PoseGraph, Trajectory
-from elfslam.slam.merging.members import MappedWalk, middles
-from elfslam.slam.merging.parameters import MergeParameters
+from elfslam.slam.merging.members import MappedWalk, MergeParameters, middles
 from elfslam.stages.checkpoints import tapped_closures
 from elfslam.stages.graph import GraphParameters, build_graph, optimise
 

@@ -6,27 +6,68 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from elfslam.base.arrays import F32, F64, Value, array
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import compose
-from elfslam.base.points_of_interest import PointOfInterest
+from elfslam.base.parameters import parameter
 from elfslam.base.values import (
     Checkpoints,
     Closures,
     Features,
     FloorMap,
     Odometry,
+    PointOfInterest,
     Run,
     Trajectory,
 )
-from elfslam.slam.merging.parameters import MergeParameters
+from elfslam.slam.parameters import Parameters
 from elfslam.stages.closure import AGAIN, closures_between, joined, sequence_mean
-from elfslam.stages.map_alignment import WalkPair, resemblances, usual_resemblance
+from elfslam.stages.map_alignment import (
+    AlignmentParameters,
+    WalkPair,
+    resemblances,
+    usual_resemblance,
+)
+from elfslam.stages.quality import QualityParameters
 from elfslam.stages.similarity import echo_sequence_similarity
+
+
+@dataclass(frozen=True)
+class MergingParameters:
+    """How walks are joined once it is known how they lie, and how a map is kept alive."""
+
+    gate_m: float = parameter(
+        1.0, "m", "links that miss by more are left out of the graph", 0.05, 100.0
+    )
+    gate_rad: float = parameter(0.7, "rad", "the same for the heading", 0.05, 3.2)
+    rounds: int = parameter(4, "", "how often links are chosen and the graph is solved", 1, 50)
+    start_sigma_m: float = parameter(0.3, "m", "how exactly a declared start is known", 0.01, 100.0)
+    start_sigma_rad: float = parameter(0.2, "rad", "and its heading", 0.01, 3.2)
+    spacing_m: float = parameter(0.7, "m", "a map is walked again in steps of this", 0.1, 5.0)
+    fade: float = parameter(
+        0.9, "", "weight that a spot keeps when a newer walk passes it", 0.0, 1.0
+    )
+    fade_changed: float = parameter(
+        0.5, "", "the same where its surroundings have changed", 0.0, 1.0
+    )
+    forget_below: float = parameter(0.1, "", "spots with less weight leave the map", 0.0, 1.0)
+    passes: int = parameter(2, "", "times that a newer walk must find a place changed", 1, 100)
+    changed_below: float = parameter(
+        0.65, "", "likeness to the map, against other places, that is a change", 0.0, 2.0
+    )
+
+
+@dataclass(frozen=True)
+class MergeParameters(Parameters):
+    """Those of the line, and those of merging."""
+
+    alignment: AlignmentParameters = field(default_factory=AlignmentParameters)
+    merging: MergingParameters = field(default_factory=MergingParameters)
+    quality: QualityParameters = field(default_factory=QualityParameters)
 
 
 @dataclass(frozen=True, eq=False)

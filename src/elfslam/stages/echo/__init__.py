@@ -4,15 +4,22 @@ Chirps come once per period, or when a schedule says that they were played; the 
 then looked for where it is due. `frame_facts` tells what else was heard around each of them.
 """
 
-from elfslam.stages.echo.arrivals import Arrivals, find_arrivals
-from elfslam.stages.echo.channels import best_channel
-from elfslam.stages.echo.cut import cut_echoes, echoes_of
-from elfslam.stages.echo.envelope import matched_envelope
-from elfslam.stages.echo.facts import frame_facts
-from elfslam.stages.echo.frames import Frames, find_frames
-from elfslam.stages.echo.parameters import EchoParameters
-from elfslam.stages.echo.schedule import find_scheduled
-from elfslam.stages.echo.sound import check_audio, resampled, to_echo_rate
+from elfslam.stages.echo.arrivals import (
+    Arrivals,
+    Frames,
+    best_channel,
+    find_arrivals,
+    find_frames,
+    find_scheduled,
+)
+from elfslam.stages.echo.cut import cut_echoes, echoes_of, frame_facts
+from elfslam.stages.echo.sound import (
+    EchoParameters,
+    check_audio,
+    matched_envelope,
+    resampled,
+    to_echo_rate,
+)
 
 __all__ = [
     "Arrivals",

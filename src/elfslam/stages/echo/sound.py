@@ -1,14 +1,51 @@
-"""The sound as echo cutting wants it: fit for measuring, at 44.1 kHz."""
+"""The sound as echo cutting wants it: fit for measuring, at 44.1 kHz, and its matched filter.
+
+At 17.5 kHz one cycle is 2.5 samples, so a raw correlation peak picks the wrong cycle: the search
+runs on the envelope of the analytic matched filter.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import signal
 
 from elfslam.base.arrays import F32
 from elfslam.base.errors import InputError
-from elfslam.base.values import ECHO_RATE_HZ, Audio
-from elfslam.stages.echo.parameters import EchoParameters
+from elfslam.base.parameters import parameter
+from elfslam.base.values import ECHO_RATE_HZ, Audio, Chirp
+
+
+@dataclass(frozen=True)
+class EchoParameters:
+    """How the direct arrival is recognised, and what is refused."""
+
+    minimum_duration_s: float = parameter(2.0, "s", "shorter audio is refused", 0.2, 3600.0)
+    contrast: float = parameter(
+        8.0, "", "direct arrival over the frame's median envelope", 1.0, 1000.0
+    )
+    level_share: float = parameter(0.35, "", "direct arrival over its typical level", 0.01, 1.0)
+    jump_share: float = parameter(
+        0.2, "", "more jumps than this per chirp mean another rate or period", 0.0, 1.0
+    )
+    early_share: float = parameter(
+        0.5, "", "an earlier peak this strong is the direct one", 0.01, 1.0
+    )
+    early_s: float = parameter(0.0015, "s", "how far before the strongest peak to look", 0.0, 0.02)
+    slack_s: float = parameter(0.002, "s", "jitter of the direct arrival between frames", 0.0, 0.02)
+    latest_s: float = parameter(
+        1.0, "s", "longest time from playing to hearing a chirp of a schedule", 0.1, 5.0
+    )
+    found_share: float = parameter(0.5, "", "frames that must hold a chirp", 0.0, 1.0)
+    clipped_share: float = parameter(0.001, "", "more samples at full scale are refused", 0.0, 1.0)
+    seam_contrast: float = parameter(
+        9.0, "", "click over the usual that may be a break of the stream", 1.0, 1e6
+    )
+    shortfall_s: float = parameter(
+        0.15, "s", "sound may be this much shorter than motion, jumps put back", 0.0, 60.0
+    )
+
 
 RESAMPLED_RATE_HZ = 48_000
 HALF_SUPPORT = 96
@@ -60,3 +97,22 @@ def resampled(samples: F32, up: int, down: int) -> F32:
         inside = block[(first - start) // down * up :][: step // down * up]
         made[at : at + len(inside)] = inside[: len(made) - at]
     return made
+
+
+FILTERED_AT_ONCE = 1 << 20
+"""Samples: what the matched filter needs of memory does not grow with the walk."""
+
+
+def matched_envelope(samples: F32, chirp: Chirp) -> F32:
+    """Envelope of the analytic matched filter (n,): value k belongs to a chirp that starts at k."""
+    template = chirp.samples.astype(np.float64)
+    if chirp.rate_hz != ECHO_RATE_HZ:
+        template = signal.resample(template, round(len(template) * ECHO_RATE_HZ / chirp.rate_hz))
+    analytic = signal.hilbert(template) / np.sum(template**2)
+    kernel = np.conj(analytic[::-1]).astype(np.complex64)
+    envelope = np.empty(len(samples), dtype=np.float32)
+    for first in range(0, len(samples), FILTERED_AT_ONCE):
+        block = samples[first : first + FILTERED_AT_ONCE + len(kernel) - 1]
+        filtered = signal.oaconvolve(block, kernel, mode="full")[len(kernel) - 1 :]
+        envelope[first : first + FILTERED_AT_ONCE] = np.abs(filtered[:FILTERED_AT_ONCE])
+    return envelope

@@ -1,33 +1,269 @@
-"""Pose graph optimisation: Levenberg-Marquardt (GTSAM) on the closures that are believed."""
+"""Pose graph optimisation: outlier rejection among loop closures, then Levenberg-Marquardt (GTSAM).
+
+Who walks the same stretch twice meets many known places in a row, and each says the same of the
+way between; a false closure by chance has no such company. Pairwise consistency is due to Mangelson
+et al. (ICRA 2018, "Pairwise consistent measurement set maximization").
+
+A run of closures is believed where it fits what the graph predicts there, within the uncertainty
+of that prediction. The most certain predictions are asked first; each run believed straightens the
+walk and makes the next prediction more certain, until what is false no longer fits. Single
+closures come last, and must fit much better than chance would.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+from scipy.stats import chi2
 
-from elfslam.base.arrays import F64, Bool
-from elfslam.base.errors import NoAnswerError
-from elfslam.base.geometry import shifted
-from elfslam.base.values import PoseGraph, Trajectory
+from elfslam.base.arrays import F64, I64, Bool
+from elfslam.base.errors import InputError, NoAnswerError
+from elfslam.base.geometry import between, compose, inverse, shifted
+from elfslam.base.values import Closures, PoseGraph, Trajectory
+from elfslam.stages.graph.blocks import pattern_of
 from elfslam.stages.graph.building import (
     GraphParameters,
     believing,
+    closure_edges,
+    covariance_of_edges,
+    edges_of,
     rotation_first,
     seen_from_start,
 )
-from elfslam.stages.graph.outlier_rejection import choose_closures
 from elfslam.stages.graph.uncertainty import (
+    SETTLING_STEPS,
+    Equations,
+    MarginalCovariances,
+    carried,
+    chi_square,
+    half_square,
     judge,
+    known_at,
+    least_squared,
+    marginal_covariances,
     pose_covariances,
+    predicted_covariance,
+    residuals,
     scale_covariance,
+    second_order_inflated,
+    settle,
     with_own_noise,
 )
 
 if TYPE_CHECKING:
     import gtsam
+
+LAST_ROUNDS = 20
+"""Believing and doubting single closures in turn ends by itself after a few."""
+
+
+def choose_closures(
+    graph: PoseGraph, parameters: GraphParameters, *, by_hand: Bool | None = None
+) -> tuple[F64, Bool]:
+    """Outlier rejection: poses (n, 3) near the solution, and the mask (k) of closures to believe.
+
+    Those made `by_hand` (k) are no chance: they are believed at first, and need no company.
+    Raises InputError where the steps of the graph are no chain.
+    """
+    closures = edges_of(graph, graph.is_closure)
+    limit = float(chi2.ppf(parameters.inlier_probability, 3))
+    runs = find_runs(chain_of(graph), forward(closures), parameters.run_reach, limit)
+    poses = graph.initial
+    kept = np.zeros(len(closures.edges), dtype=bool) if by_hand is None else by_hand.copy()
+    waiting = np.flatnonzero(runs.size >= parameters.run_closures)
+    while len(waiting):
+        middles = edges_of(closures, runs.middle[waiting])
+        poses, equations = _settled(graph, kept, poses, middles.edges, parameters)
+        fit = fit_of(middles, poses, marginal_covariances(equations))
+        fits = fit.squared <= limit
+        if not fits.any():
+            break
+        size = np.linalg.slogdet(fit.covariance)[1]
+        taken = fits & (log_odds(fit, poses) >= np.log(parameters.least_odds))
+        taken[np.argmin(np.where(fits, size, np.inf))] = True
+        kept |= np.isin(runs.run, waiting[taken])
+        waiting = waiting[~taken]
+    return _revised(graph, closures, kept, poses, limit, parameters)
+
+
+def agreeing(graph: PoseGraph, further: Closures, parameters: GraphParameters) -> Bool:
+    """Gating: which further closures (k) fit the graph as its own leave it; all without any.
+
+    Raises InputError where the steps of the graph are no chain.
+    """
+    if not graph.is_closure.any():
+        return np.ones(len(further.i), dtype=bool)
+    graph = seen_from_start(graph)
+    poses, kept = choose_closures(graph, parameters)
+    asked = closure_edges(graph.initial, further)
+    poses, equations = _settled(graph, kept, poses, asked.edges, parameters)
+    limit = float(chi2.ppf(parameters.agreeing_probability, 3))
+    return np.asarray(fit_of(asked, poses, marginal_covariances(equations)).squared <= limit)
+
+
+def _revised(
+    graph: PoseGraph,
+    closures: PoseGraph,
+    kept: Bool,
+    poses: F64,
+    limit: float,
+    parameters: GraphParameters,
+) -> tuple[F64, Bool]:
+    """Doubt each closure that does not fit, believe each that fits too well for chance."""
+    for _ in range(LAST_ROUNDS):
+        poses, equations = _settled(graph, kept, poses, closures.edges[:0], parameters)
+        residual = residuals(poses, closures.edges, closures.measurements)
+        wanted = kept & (chi_square(residual, covariance_of_edges(closures)) <= limit)
+        out_of_reach = least_squared(marginal_covariances(equations), poses, closures) > limit
+        asked = np.flatnonzero(~kept & ~out_of_reach)
+        candidates = edges_of(closures, asked)
+        believed = believing(graph, kept)
+        fit = fit_of(
+            candidates, poses, known_at(believed, poses, candidates.edges, parameters.anchor_sigma)
+        )
+        sure = log_odds(fit, poses) >= np.log(parameters.least_odds)
+        wanted[asked] = (fit.squared <= limit) & sure
+        if (wanted == kept).all():
+            break
+        kept = wanted
+    return poses, kept
+
+
+def _settled(
+    graph: PoseGraph, kept: Bool, poses: F64, asked: I64, parameters: GraphParameters
+) -> tuple[F64, Equations]:
+    """The poses that the believed closures give, ready to be asked about other pairs."""
+    believed = believing(graph, kept)
+    pattern = pattern_of(np.vstack([believed.edges, asked]), len(poses))
+    start = min(poses, rotation_first(believed), key=partial(half_square, believed))
+    return settle(believed, start, pattern, parameters.anchor_sigma, SETTLING_STEPS)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Innovations of closures (k): their covariance, and squared Mahalanobis length."""
+
+    covariance: F64
+    squared: F64
+
+
+def fit_of(closures: PoseGraph, poses: F64, known: MarginalCovariances) -> Fit:
+    """Innovations of closures that have no say yet in the poses."""
+    edges, measured = closures.edges, closures.measurements
+    residual = residuals(poses, edges, measured)
+    predicted = predicted_covariance(known, poses, edges, measured)
+    covariance = second_order_inflated(predicted + covariance_of_edges(closures))
+    return Fit(covariance, chi_square(residual, covariance))
+
+
+def log_odds(fit: Fit, poses: F64) -> F64:
+    """Log-likelihood ratio (k) of each residual to a chance meeting anywhere on the floor."""
+    floor_m2 = float(np.prod(np.maximum(np.ptp(poses[:, :2], axis=0), 1.0)))
+    density = -0.5 * fit.squared - 0.5 * np.linalg.slogdet(2 * np.pi * fit.covariance)[1]
+    return np.asarray(density + np.log(floor_m2 * 2 * np.pi))
+
+
+@dataclass(frozen=True, eq=False)
+class ConsistencyClusters:
+    """Which run (k) each closure belongs to, and per run its best connected closure and its size.
+
+    Of r runs every closure has one; a closure without company is a run of its own.
+    """
+
+    run: I64
+    middle: I64
+    size: I64
+
+
+def find_runs(chain: Chain, closures: Forward, reach: int, limit: float) -> ConsistencyClusters:
+    """Connected components of the pairwise consistency graph of closures."""
+    count = len(closures.low)
+    pairs, agree = agreeing_pairs(chain, closures, reach, limit)
+    a, b = pairs[agree].T
+    links = coo_array((np.ones(len(a)), (a, b)), shape=(count, count))
+    _, run = connected_components(links, directed=False)
+    friends = np.bincount(pairs[agree].ravel(), minlength=count)
+    order = np.lexsort((-friends, run))
+    _, first = np.unique(run[order], return_index=True)
+    return ConsistencyClusters(run.astype(np.int64), order[first], np.bincount(run))
+
+
+def agreeing_pairs(chain: Chain, closures: Forward, reach: int, limit: float) -> tuple[I64, Bool]:
+    """Pairwise consistency: pairs (p, 2) of near closures, and whether dead reckoning agrees.
+
+    `limit` bounds the squared Mahalanobis length of what is left of the loop through both.
+    """
+    near = cKDTree(np.column_stack([closures.low, closures.high]))
+    pairs = np.asarray(near.query_pairs(reach, p=np.inf, output_type="ndarray"), dtype=np.int64)
+    a, b = pairs.reshape(-1, 2).T
+    low, high, moves = closures.low, closures.high, closures.low_from_high
+    hop = between(chain.poses[high[a]], chain.poses[high[b]])
+    onward = compose(moves[a], hop)
+    predicted = compose(between(chain.poses[low[b]], chain.poses[low[a]]), onward)
+    covariance = closures.covariance[b] + chain_covariance(chain, high[a], high[b])
+    covariance += carried(inverse(hop), closures.covariance[a])
+    covariance += carried(inverse(onward), chain_covariance(chain, low[b], low[a]))
+    return pairs, chi_square(between(moves[b], predicted), covariance) <= limit
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Dead reckoning: poses (n, 3), and how their errors add up along the way (n, 3, 3)."""
+
+    poses: F64
+    growth: F64
+
+
+def chain_of(graph: PoseGraph) -> Chain:
+    """The steps of a graph as a chain.
+
+    Raises InputError where they do not lead from each pose to the next.
+    """
+    steps = edges_of(graph, ~graph.is_closure)
+    count = len(graph.initial) - 1
+    order = np.argsort(steps.edges[:, 0], kind="stable")
+    wanted = np.column_stack([np.arange(count), np.arange(1, count + 1)])
+    if len(order) != count or (steps.edges[order] != wanted).any():
+        raise InputError(
+            f"pose graph: {len(order)} steps do not lead through its {count + 1} poses one by one, "
+            "as rejecting closures needs; set graph.robust=false"
+        )
+    covariance = carried(graph.initial[1:], covariance_of_edges(steps)[order])
+    growth = np.concatenate([np.zeros((1, 3, 3)), np.cumsum(covariance, axis=0)])
+    return Chain(graph.initial, growth)
+
+
+def chain_covariance(chain: Chain, i: I64, j: I64) -> F64:
+    """Covariances (k, 3, 3) of the dead reckoning from pose i to pose j, in the frame of j."""
+    sign = np.sign(j - i)[:, None, None]
+    return carried(inverse(chain.poses[j]), sign * (chain.growth[j] - chain.growth[i]))
+
+
+@dataclass(frozen=True, eq=False)
+class Forward:
+    """Closures seen from their earlier pose: poses low < high (k), low_from_high, covariance."""
+
+    low: I64
+    high: I64
+    low_from_high: F64
+    covariance: F64
+
+
+def forward(closures: PoseGraph) -> Forward:
+    """The closures of a graph, those that look back turned round."""
+    i, j = closures.edges.T
+    back, measured, covariance = i > j, closures.measurements, covariance_of_edges(closures)
+    turned = np.where(back[:, None, None], carried(measured, covariance), covariance)
+    moves = np.where(back[:, None], inverse(measured), measured)
+    return Forward(np.minimum(i, j), np.maximum(i, j), moves, turned)
 
 
 def optimise(

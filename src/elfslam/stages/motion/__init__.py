@@ -7,12 +7,16 @@ real walks of surveyors in a mall, and holds for simulated ones.
 """
 
 from elfslam.stages.motion.compass import Compass, HardIron, compass_heading
-from elfslam.stages.motion.footsteps import find_footsteps
 from elfslam.stages.motion.level import check_imu
 from elfslam.stages.motion.live import BEGINNING, LivePdrState, Steps, go_on
 from elfslam.stages.motion.parameters import MotionParameters, check_motion
-from elfslam.stages.motion.reckoning import dead_reckon, nodes_by_distance
-from elfslam.stages.motion.walker import calibrated, calibrated_by_distance
+from elfslam.stages.motion.reckoning import (
+    calibrated,
+    calibrated_by_distance,
+    dead_reckon,
+    find_footsteps,
+    nodes_by_distance,
+)
 
 __all__ = [
     "BEGINNING",

@@ -17,12 +17,9 @@ from elfslam.base.arrays import F64, Value, array
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import wrap_angle
 from elfslam.base.values import Imu, Magnetometer
-from elfslam.stages.motion.footsteps import footfalls
-from elfslam.stages.motion.heading import phone_turn, smooth_heading
-from elfslam.stages.motion.lengths import lengths_between
-from elfslam.stages.motion.level import Level, averaged
+from elfslam.stages.motion.level import Level, averaged, levelled_pieces
 from elfslam.stages.motion.parameters import MotionParameters
-from elfslam.stages.motion.pieces import levelled_pieces
+from elfslam.stages.motion.reckoning import footfalls, lengths_between, phone_turn, smooth_heading
 
 C128 = npt.NDArray[np.complex128]
 ROUNDS = 20

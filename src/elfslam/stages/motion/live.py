@@ -13,9 +13,6 @@ import numpy as np
 
 from elfslam.base.arrays import F64, Bool, Value, array
 from elfslam.base.values import Imu
-from elfslam.stages.motion.footsteps import footfalls
-from elfslam.stages.motion.heading import phone_turn, smooth_heading
-from elfslam.stages.motion.lengths import STEPS_AROUND, lengths_between
 from elfslam.stages.motion.level import (
     NO_REST,
     Level,
@@ -27,7 +24,15 @@ from elfslam.stages.motion.level import (
     still_rows,
 )
 from elfslam.stages.motion.parameters import MotionParameters
-from elfslam.stages.motion.reckoning import moves_between, step_sigma
+from elfslam.stages.motion.reckoning import (
+    STEPS_AROUND,
+    footfalls,
+    lengths_between,
+    moves_between,
+    phone_turn,
+    smooth_heading,
+    step_sigma,
+)
 
 REST_KEPT = 1.25
 """A rest leaves the window as a whole: until it ends, so many times `still_s` of it stay."""

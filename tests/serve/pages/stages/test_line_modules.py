@@ -31,7 +31,7 @@ from elfslam.stages.echo import (
     matched_envelope,
     to_echo_rate,
 )
-from elfslam.stages.echo.frames import Frames
+from elfslam.stages.echo.arrivals import Frames
 from elfslam.stages.feature import OnnxEncoder, extract_features, load_encoder
 from elfslam.stages.floormap import trajectory_map
 from elfslam.stages.locate import LocateParameters, likeness, locate_one_shot, means_between

@@ -19,10 +19,14 @@ from elfslam.stages.motion import (
     find_footsteps,
     go_on,
 )
-from elfslam.stages.motion.footsteps import bounce_rms, vertical_bounce
-from elfslam.stages.motion.heading import phone_turn, smooth_heading
-from elfslam.stages.motion.lengths import lengths_between
 from elfslam.stages.motion.level import evenly_sampled, level, rate_of, still_bias
+from elfslam.stages.motion.reckoning import (
+    bounce_rms,
+    lengths_between,
+    phone_turn,
+    smooth_heading,
+    vertical_bounce,
+)
 from elfslam.world.device import BROWSER, LSM6DSO
 from elfslam.world.simulate import simulate
 from elfslam.world.world_file import load_world

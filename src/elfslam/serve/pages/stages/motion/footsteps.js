@@ -1,4 +1,4 @@
-/** Footsteps: peaks of the vertical acceleration in the band of walking: elfslam.stages.motion.footsteps. */
+/** Footsteps: peaks of the vertical acceleration in the band of walking: elfslam.stages.motion.reckoning. */
 
 import { bandPass, usualPadding, zeroPhase } from "./filters.js";
 import { GRAVITY_MPS2, averaged } from "./level.js";

@@ -1,4 +1,4 @@
-/** Where the walker heads: the rate of turn about the vertical, summed: elfslam.stages.motion.heading. */
+/** Where the walker heads: the rate of turn about the vertical, summed: elfslam.stages.motion.reckoning. */
 
 import { averaged } from "./level.js";
 

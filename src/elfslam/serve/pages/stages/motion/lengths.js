@@ -1,4 +1,4 @@
-/** How long each step is, from how far and how often the walker bounces: elfslam.stages.motion.lengths. */
+/** How long each step is, from how far and how often the walker bounces: elfslam.stages.motion.reckoning. */
 
 import { runningMedian } from "./filters.js";
 import { bounceRms } from "./footsteps.js";
