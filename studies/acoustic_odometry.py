@@ -29,11 +29,9 @@ from elfslam.stages.feature import load_encoder
 from elfslam.stages.graph import build_graph, optimise
 from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.kinds import PEOPLE, Kind
-from studies.cached import extract_echoes, extract_features
-from studies.repeats import finished
+from studies.cached import SCENARIOS, SimulatedWalk, extract_echoes, extract_features, simulated
 from studies.results import Record, seeds_text
-from studies.simulated_walk import SimulatedWalk, simulated
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.study import Study, StudyContext, finished
 
 SEEDS = {
     "studio": range(110, 120),
@@ -76,7 +74,7 @@ def measure_acoustic_odometry(
     for world in (*dict.fromkeys(walk.world for walk in walks), ALL):
         of = [k for k, walk in enumerate(walks) if world in (walk.world, ALL)]
         seeds = "" if world == ALL else seeds_text([walks[k].seed for k in of])
-        head = Record("", "", 0.0, world=world, scenario=SCENARIOS[kind.name], seeds=seeds)
+        head = Record("", world=world, scenario=SCENARIOS[kind.name], seeds=seeds)
         records += summarised([found[k] for k in of], head)
     return records
 

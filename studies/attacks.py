@@ -29,10 +29,10 @@ from elfslam.world.kinds import QUIET
 from elfslam.world.simulate import World, load_world
 from studies.attack_sounds import OWN_GAIN, SOUNDS, Victim, chirping_neighbours
 from studies.attacked_walk import PLACED_M, RATE_HZ, Walked, recorded, walked
+from studies.cached import SCENARIOS
 from studies.located import MAPPING_ROUNDS, STRANGER, Mapped, mapped_walk, world_from_map
-from studies.repeats import finished
 from studies.results import Record, seeds_text
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.study import Study, StudyContext, finished
 
 ROUNDS: Mapping[str, int] = {"living_room": 3, "office": 1}
 """Of the query walk: a minute or more."""
@@ -97,7 +97,7 @@ def measure_attacks(
         for world, rounds in worlds.items()
         for what in kinds
     ]
-    of = Record("", "", 0.0, world=" and ".join(worlds), scenario=SCENARIOS[QUIET.name],
+    of = Record("", world=" and ".join(worlds), scenario=SCENARIOS[QUIET.name],
                 seeds=seeds_text(seeds))  # fmt: skip
     return list(summarised(finished(measured, tasks, context), of))
 

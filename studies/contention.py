@@ -24,11 +24,11 @@ from elfslam.stages.locate import LocateParameters, elf_payload, fixes_of, liken
 from elfslam.stages.medium_access import MediumAccessParameters, spoiled_frames
 from elfslam.world.kinds import QUIET
 from elfslam.world.simulate import load_world
+from studies.cached import SCENARIOS
 from studies.crowd import Crowd, Overheard, alone, crowd_in, overhear
 from studies.located import MAPPING_ROUNDS, Mapped, mapped_walk, world_from_map
-from studies.repeats import finished
 from studies.results import Record, averaged
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.study import Study, StudyContext, finished
 
 PLACES = ("living_room",)
 SEEDS = tuple(range(4))

@@ -16,6 +16,7 @@ from elfslam.base.enums import Mode
 from elfslam.base.values import FixStatus
 from elfslam.world.kinds import KINDS, kind_named
 from elfslam.world.simulate import load_world
+from studies.cached import SimulatedWalk, record_of
 from studies.localization import ANSWERED_ELSEWHERE, ELSEWHERE, ROUNDS, shipped
 from studies.located import (
     MAPPING_ROUNDS,
@@ -26,10 +27,8 @@ from studies.located import (
     mapped_walk,
     stranger,
 )
-from studies.repeats import finished
 from studies.results import Record, averaged
-from studies.simulated_walk import SimulatedWalk
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.study import Study, StudyContext, finished
 
 WORLDS = ("studio", "lounge", "concourse")
 SEEDS = (100, 101, 102)
@@ -69,11 +68,7 @@ def _measured(walk: SimulatedWalk) -> list[Record]:
             wrongly = located(mapped, lost, mode, settings).status == FixStatus.OK
             numbers = {metric: found[metric] for metric in METRICS}
             numbers[ANSWERED_ELSEWHERE] = float(np.mean(wrongly))
-            records += [
-                Record(mode.value, metric, value, world=walk.world, scenario=SCENARIOS[walk.kind],
-                       condition=f"{least:g}")
-                for metric, value in numbers.items()
-            ]  # fmt: skip
+            records += record_of(walk, mode.value, f"{least:g}").each(numbers)
     return records
 
 

@@ -29,11 +29,10 @@ from elfslam.world.kinds import PEOPLE, Kind
 from elfslam.world.room import Room
 from elfslam.world.simulate import load_world
 from elfslam.world.walkable import HEAD_M
+from studies.cached import SimulatedWalk, record_of, simulated
 from studies.magnetic_walks import median_of
-from studies.repeats import finished
 from studies.results import Record, averaged, seeds_text
-from studies.simulated_walk import SimulatedWalk, simulated
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.study import Study, StudyContext, finished
 
 WORLDS: Mapping[str, int] = {"studio": 10, "lounge": 10, "concourse": 4}
 """Walks in each, for development: the worlds of evaluation stay unseen."""
@@ -107,11 +106,7 @@ def _measured(walk: SimulatedWalk, parameters: AnchoringParameters) -> list[Reco
             outcome = _outcome(made, placement, lost=plan == ELSEWHERE)
         except NoAnswerError:  # far larger than the plan
             outcome = {RIGHT: 0.0, WRONG: 0.0, UNSURE: 0.0, REFUSED: 1.0}
-        found += [
-            Record("placement", metric, value, world=walk.world,
-                   scenario=SCENARIOS[walk.kind], condition=plan)
-            for metric, value in outcome.items()
-        ]  # fmt: skip
+        found += record_of(walk, "placement", plan).each(outcome)
     return found
 
 

@@ -38,9 +38,8 @@ from studies.located import (
     stranger,
 )
 from studies.mapping import CALIBRATED, MEDIAN_ALIGNED, trajectory_errors, walkers
-from studies.repeats import finished
 from studies.results import Record
-from studies.study import StudyContext
+from studies.study import StudyContext, finished
 
 SLACK = 1.5
 """A limit is the expected figure times this: a figure twice as bad is above it."""

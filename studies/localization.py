@@ -35,6 +35,7 @@ from elfslam.stages.segments import locate_by_segments
 from elfslam.world.kinds import PEOPLE, QUIET, Kind, kind_named
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world
+from studies.cached import record_of
 from studies.located import (
     MAPPING_ROUNDS,
     MEDIAN_M,
@@ -47,9 +48,8 @@ from studies.located import (
 )
 from studies.mapping import CALIBRATED, walkers
 from studies.plain_features import ELF, feature_maps
-from studies.repeats import finished
 from studies.results import Record, averaged
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.study import Study, StudyContext, finished
 
 WORLDS = ("living_room", "office", "mall")
 SEEDS = tuple(range(10))
@@ -132,26 +132,22 @@ def _measured(pair: Pair) -> list[Record]:
     strange = load_world(ELSEWHERE.get(pair.world, "studio"))
     lost = stranger(strange, pair.seed, 1, encoder, kind=kind)
     records: list[Record] = []
-
-    def told(method: str, way: str, numbers: Mapping[str, float]) -> None:
-        records.extend(
-            Record(method, metric, value, world=pair.world, scenario=SCENARIOS[pair.kind],
-                   condition=way)
-            for metric, value in numbers.items()
-        )  # fmt: skip
-
     for mode in Mode:
-        way = mode.value
-        fixes = located(mapped, other, mode, Settings())
-        told(ELF, way, fix_numbers(fixes, other.truth, mapped.run.trajectory, mapped.truth))
         wrongly = located(mapped, lost, mode, Settings()).status == FixStatus.OK
-        told(ELF, way, {ANSWERED_ELSEWHERE: float(np.mean(wrongly))})
-    for method, way, fixes, run in (
-        *_always(pair, mapped, other),
-        *_baselines(pair, mapped, other),
-    ):
-        told(method, way, fix_numbers(fixes, other.truth, run.trajectory, mapped.truth))
+        numbers = {ANSWERED_ELSEWHERE: float(np.mean(wrongly))}
+        records += record_of(pair, ELF, mode.value).each(numbers)
+    ways = (*_by_echoes(mapped, other), *_always(pair, mapped, other),
+            *_baselines(pair, mapped, other))  # fmt: skip
+    for method, way, fixes, run in ways:
+        numbers = fix_numbers(fixes, other.truth, run.trajectory, mapped.truth)
+        records += record_of(pair, method, way).each(numbers)
     return records
+
+
+def _by_echoes(mapped: Mapped, other: Stranger) -> Iterator[tuple[str, str, Fixes, Run]]:
+    """As the pipeline locates, in each mode."""
+    for mode in Mode:
+        yield ELF, mode.value, located(mapped, other, mode, Settings()), mapped.run
 
 
 def _always(pair: Pair, mapped: Mapped, other: Stranger) -> Iterator[tuple[str, str, Fixes, Run]]:

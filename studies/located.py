@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -33,9 +33,8 @@ from elfslam.world.circumstances import Circumstances
 from elfslam.world.kinds import QUIET, Kind
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import World
-from studies.cached import extract_echoes, extract_features, simulate
+from studies.cached import at_its_start, extract_echoes, extract_features, simulate, simulated_in
 from studies.mapping import CALIBRATED, walkers
-from studies.simulated_walk import simulated_in
 
 MAPPING_ROUNDS = 4
 STRANGER = 1000
@@ -79,12 +78,6 @@ def mapped_walk(
     recording = at_its_start(recording, truth)
     run = map_by_echoes(recording, encoder, walkers(seed, kind)[CALIBRATED])
     return Mapped(recording, run, truth)
-
-
-def at_its_start(recording: Recording, truth: Truth) -> Recording:
-    """The recording of someone who said where the walk begins."""
-    x_m, y_m, heading_rad = truth.world_from_body[0].tolist()
-    return replace(recording, start_pose=(x_m, y_m, heading_rad))
 
 
 def stranger(

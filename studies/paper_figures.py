@@ -29,18 +29,22 @@ from elfslam.world.kinds import SURVEYOR
 from elfslam.world.phone import render_frames, room_responses
 from elfslam.world.sensors import Sensor
 from elfslam.world.world_file import load_world
-from studies.cached import extract_echoes, extract_features
+from studies.cached import (
+    SCENARIOS,
+    SimulatedWalk,
+    at_its_start,
+    extract_echoes,
+    extract_features,
+    simulated,
+)
 from studies.curation import CurationParameters, curated_closures
 from studies.distinctness import row_of_spots
-from studies.located import at_its_start
 from studies.mapping import CALIBRATED, walkers
-from studies.marked_walk import walk_over_markers
 from studies.plain_features import ELF
 from studies.results import Record
-from studies.simulated_walk import SimulatedWalk, simulated
 from studies.still_phone import hear_at, held_still, listener_in
-from studies.study import SCENARIOS, Study, StudyContext
-from studies.trace import PSD, SHOWN
+from studies.study import Study, StudyContext
+from studies.trace import PSD, SHOWN, walk_over_markers
 
 WORLDS = ("living_room", "office", "mall")
 ROUNDS = 3

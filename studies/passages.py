@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -21,12 +20,11 @@ from elfslam.stages.floor_plan_alignment import AnchoringParameters
 from elfslam.stages.map_matching import MapMatchingParameters, followed_trajectory
 from elfslam.world.kinds import PEOPLE, Kind
 from elfslam.world.simulate import load_world
-from studies.coverage import trajectory_coverage
+from studies.cached import SimulatedWalk, record_of, simulated
 from studies.floor_plan import plan_of
-from studies.repeats import finished
-from studies.results import Record, averaged
-from studies.simulated_walk import SimulatedWalk, simulated
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.mapping import trajectory_coverage
+from studies.results import Record
+from studies.study import Study, StudyContext, per_walk
 
 WORLDS = ("living_room", "office", "mall")
 SEEDS = (0, 1, 2, 3, 4)
@@ -48,9 +46,8 @@ def measure_passages(
     known: MapMatchingParameters | None = None,
 ) -> list[Record]:
     """Errors from the given start before and after (the condition), by echoes and by steps."""
-    tasks = [SimulatedWalk(world, seed, rounds, kind.name) for world in worlds for seed in seeds]
     measure = partial(_measured, parameters=known or MapMatchingParameters())
-    return averaged(finished(measure, tasks, context), seeds)
+    return per_walk(measure, context, worlds, seeds, rounds, kind)
 
 
 def _measured(walk: SimulatedWalk, parameters: MapMatchingParameters) -> list[Record]:
@@ -71,16 +68,14 @@ def _measured(walk: SimulatedWalk, parameters: MapMatchingParameters) -> list[Re
         covered = trajectory_coverage(
             followed_trajectory(run.trajectory, after), truth, AS_DECLARED
         )
-        of = Record(method, MEDIAN, _median_m(before, true), world=walk.world,
-                    scenario=SCENARIOS[walk.kind], condition=GIVEN_START)  # fmt: skip
         numbers = {
             MEDIAN: _median_m(after.poses, true),
             "within one sigma": covered.one_sigma,
             "within two sigma": covered.two_sigma,
             "off the ground": after.off_share,
         }
-        found += [of, *(replace(of, condition=MATCHED, metric=metric, value=value)
-                        for metric, value in numbers.items())]  # fmt: skip
+        found += record_of(walk, method, GIVEN_START).each({MEDIAN: _median_m(before, true)})
+        found += record_of(walk, method, MATCHED).each(numbers)
     return found
 
 

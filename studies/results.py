@@ -10,7 +10,7 @@ import ast
 import csv
 import hashlib
 import subprocess
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
 from pathlib import Path
@@ -37,8 +37,8 @@ class Record:
     """
 
     method: str
-    metric: str
-    value: float
+    metric: str = ""
+    value: float = 0.0
     low: float | None = None
     high: float | None = None
     paper: float | None = None
@@ -46,6 +46,10 @@ class Record:
     scenario: str = ""
     condition: str = ""
     seeds: str = ""
+
+    def each(self, numbers: Mapping[str, float]) -> list[Record]:
+        """A record of every number, by metric."""
+        return [replace(self, metric=name, value=float(value)) for name, value in numbers.items()]
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from elfslam.stages.locate import locate_one_shot
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.kinds import PEOPLE, QUIET, Kind, kind_named
 from elfslam.world.simulate import World, load_world
+from studies.cached import record_of
 from studies.located import (
     MAPPING_ROUNDS,
     MEDIAN_M,
@@ -32,9 +33,8 @@ from studies.located import (
 )
 from studies.mapping import CALIBRATED, walkers
 from studies.plain_features import ELF, FeatureMap, feature_maps
-from studies.repeats import finished
 from studies.results import Record, averaged
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.study import Study, StudyContext, finished
 
 PLACES: Mapping[str, str] = {"living_room": "all", "office": "volume", "mall": "volume"}
 """Which changes are measured where; the volume in all three, as in the paper."""
@@ -202,11 +202,7 @@ def _records(
     trajectory: Trajectory, mapped: Mapped,
 ) -> list[Record]:  # fmt: skip
     numbers = fix_numbers(fixes, query.truth, trajectory, mapped.truth)
-    return [
-        Record(method, metric, numbers[metric], world=place.world,
-               scenario=SCENARIOS[place.kind], condition=condition)
-        for metric in METRICS
-    ]  # fmt: skip
+    return record_of(place, method, condition).each({name: numbers[name] for name in METRICS})
 
 
 STUDY = Study(

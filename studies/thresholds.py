@@ -19,14 +19,18 @@ from elfslam.slam.pipeline import closures_by
 from elfslam.stages.graph import build_graph, optimise
 from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.kinds import PEOPLE, SURVEYOR, kind_named
-from studies.cached import extract_echoes, extract_features
-from studies.located import at_its_start
+from studies.cached import (
+    SCENARIOS,
+    SimulatedWalk,
+    at_its_start,
+    extract_echoes,
+    extract_features,
+    simulated,
+)
 from studies.mapping import CALIBRATED, MEDIAN_ALIGNED, trajectory_errors, walkers
 from studies.plain_features import compared_encoders
-from studies.repeats import finished
 from studies.results import Record, averaged, seeds_text
-from studies.simulated_walk import SimulatedWalk, simulated
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.study import Study, StudyContext, finished
 
 WORLDS = ("studio", "lounge", "concourse")
 """For development; nothing is reported in them."""
@@ -76,8 +80,8 @@ def _measured(walk: SimulatedWalk) -> list[Record]:
                 RATIO: mapped_m / reckoned_m, MEDIAN_ALIGNED: mapped_m,
                 "closures": float(len(closures.i)), "precision of closures": score.precision,
             }  # fmt: skip
-            of = Record(feature, "", 0.0, scenario=SCENARIOS[walk.kind], condition=f"{threshold:g}")
-            found += [replace(of, metric=name, value=value) for name, value in numbers.items()]
+            of = Record(feature, scenario=SCENARIOS[walk.kind], condition=f"{threshold:g}")
+            found += of.each(numbers)
     return found
 
 

@@ -31,7 +31,7 @@ from elfslam.world.device import BROWSER
 from elfslam.world.simulate import load_world, simulate
 from studies.benchmarks.served import serving
 from studies.benchmarks.stages_in_page import browsing, run_in_page, write_f32, write_floor_map
-from studies.page_motion import readings
+from studies.live_footsteps import readings
 
 STAGES = ("echoes", "encoder", "likeness", "fix", "together")
 INSIDE = ("to 44.1 kHz", "envelope")

@@ -21,8 +21,8 @@ from studies.acoustic_odometry import (
     summarised,
     true_scale,
 )
+from studies.cached import SimulatedWalk
 from studies.results import Record
-from studies.simulated_walk import SimulatedWalk
 from studies.study import StudyContext
 
 

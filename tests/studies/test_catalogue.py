@@ -17,9 +17,10 @@ from elfslam.base.progress import silent
 from elfslam.stages.feature import SpectralEncoder
 from elfslam.world.kinds import Kind
 from studies import catalogue
+from studies.cached import SCENARIOS
 from studies.catalogue import STUDIES, Choice, Stale, run_stale, run_study, stale_studies
 from studies.results import Record, commit_now, read_results, write_results
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.study import Study, StudyContext
 
 ROOT = Path(__file__).parents[2]
 MEDIAN = Record("ELF", "median error (m)", 0.25)

@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import numpy.testing as npt
 
-from studies.city import CityParameters, Hearing, block_of, heard_now, mean_levels_dbm, scans_in
+from studies.floors_by_wifi import (
+    CityParameters,
+    Hearing,
+    block_of,
+    heard_now,
+    mean_levels_dbm,
+    scans_in,
+)
 
 PARAMETERS = CityParameters()
 STILL = CityParameters(shadowing_db=0.0, fading_db=0.0, missed_share=0.0, hotspots=0.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.values import Trajectory, Truth
-from studies.coverage import trajectory_coverage
+from studies.mapping import trajectory_coverage
 
 COUNT = 4000
 

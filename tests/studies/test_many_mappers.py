@@ -14,7 +14,7 @@ from studies.many_mappers import (
     measure_many_mappers,
 )
 from studies.mapping import MEDIAN_ALIGNED
-from studies.merged_walks import MAP, WALKS
+from studies.merging import MAP, WALKS
 from studies.study import StudyContext
 
 

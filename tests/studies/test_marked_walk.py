@@ -9,7 +9,7 @@ from elfslam.base.geometry import wrap_angle
 from elfslam.base.values import Echoes, Odometry
 from elfslam.world.walkable import fault_of_route
 from elfslam.world.world_file import World, load_world
-from studies.marked_walk import FOOT_M, MARKERS, ROUTE_M, SPEED_MPS, marker_poses, walk_over_markers
+from studies.trace import FOOT_M, MARKERS, ROUTE_M, SPEED_MPS, marker_poses, walk_over_markers
 
 
 @pytest.fixture(scope="module")

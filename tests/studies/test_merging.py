@@ -10,23 +10,14 @@ import pytest
 from elfslam.base.values import Trajectory, Truth
 from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.world.kinds import ASKING_PHONE, DAYS_LATER, MAPPING_PHONE, PEOPLE
-from studies import merged_walks
+from studies import merging
 from studies.mapping import MEDIAN_ALIGNED
-from studies.merged_walks import (
-    FIRST,
-    MAP,
-    MOVED,
-    SECOND,
-    WALKS,
-    WHOLE,
-    Stroll,
-    one_after_another,
-    recorded,
-    truly_apart_m,
-)
 from studies.merging import (
     APART,
     CHANGED,
+    FIRST,
+    MAP,
+    MOVED,
     OPPOSITE,
     OTHER,
     OVERLAP,
@@ -34,10 +25,17 @@ from studies.merging import (
     REFUSED,
     RIGHT,
     SAME,
+    SECOND,
     STUDY,
+    WALKS,
+    WHOLE,
     WRONG,
+    Stroll,
     _drawn,
     measure_merging,
+    one_after_another,
+    recorded,
+    truly_apart_m,
 )
 from studies.results import Record
 from studies.study import StudyContext
@@ -90,7 +88,7 @@ def test_who_walks_later_has_another_phone(
         asked.update(given)
         raise InterruptedError
 
-    monkeypatch.setattr(merged_walks, "simulate", listen)
+    monkeypatch.setattr(merging, "simulate", listen)
     with pytest.raises(InterruptedError):
         recorded(Stroll("studio", 131, state=MOVED, later=later, kind=PEOPLE.name))
     today = asked["circumstances"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.arrays import F64
-from studies.room_statistics import BAND_HZ, banded, contrast, kurtosis, reverberation_s, spread_db
+from studies.realism import BAND_HZ, banded, contrast, kurtosis, reverberation_s, spread_db
 
 RATE_HZ = 48_000
 

@@ -10,7 +10,6 @@ import pytest
 from elfslam.baselines.generic import generic_encoders
 from elfslam.stages.feature import load_encoder
 from elfslam.world.world_file import load_world
-from studies.marked_walk import MARKERS, walk_over_markers
 from studies.study import StudyContext
 from studies.trace import (
     ELSEWHERE,
@@ -18,6 +17,7 @@ from studies.trace import (
     FOOTSTEP,
     HIGHER,
     LEARNING,
+    MARKERS,
     ON_TOP,
     PSD,
     RETURNS,
@@ -27,6 +27,7 @@ from studies.trace import (
     learnt_on,
     measure_trace,
     returns_of,
+    walk_over_markers,
 )
 
 

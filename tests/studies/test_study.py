@@ -12,9 +12,8 @@ import pytest
 from elfslam.app.workers import unit_key
 from elfslam.app.workers.interface import Result, Task
 from elfslam.base.errors import StoreError
-from studies.repeats import finished
 from studies.results import Record
-from studies.study import StudyContext
+from studies.study import StudyContext, finished
 
 
 def square(task: int) -> list[Record]:
