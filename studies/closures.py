@@ -19,13 +19,7 @@ from elfslam.stages.feature import load_encoder
 from elfslam.stages.graph import build_graph, optimise
 from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.kinds import PEOPLE, Kind
-from studies.cached import (
-    SimulatedWalk,
-    extract_echoes,
-    extract_features,
-    record_of,
-    simulated,
-)
+from studies.cached import SimulatedWalk, extract_echoes, extract_features, record_of, simulated
 from studies.curation import CurationParameters, curated_closures, pairs_on_lines
 from studies.mapping import MEDIAN_ALIGNED
 from studies.results import Record

@@ -10,13 +10,7 @@ import numpy as np
 from scipy import signal
 
 from elfslam.base.arrays import F32, F64, I64, Bool
-from elfslam.base.values import (
-    DISCARDED_SAMPLES,
-    ECHO_RATE_HZ,
-    ECHO_SAMPLES,
-    Fixes,
-    FixStatus,
-)
+from elfslam.base.values import DISCARDED_SAMPLES, ECHO_RATE_HZ, ECHO_SAMPLES, Fixes, FixStatus
 from elfslam.scoring.errors import fix_distances
 from elfslam.stages.echo import EchoParameters, Frames, echoes_of, find_frames
 from elfslam.stages.feature import Encoder, extract_features, load_encoder

@@ -107,10 +107,7 @@ def seeds_text(seeds: Sequence[int]) -> str:
 
 def write_results(file: Path, results: Iterable[Result]) -> None:
     """Write results as CSV, numbers to six digits; nothing is half-written."""
-    with (
-        replaced_file(file) as partial,
-        partial.open("w", newline="", encoding="utf-8") as stream,
-    ):
+    with replaced_file(file) as partial, partial.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.DictWriter(stream, COLUMNS, lineterminator="\n")
         writer.writeheader()
         writer.writerows({key: _cell(value) for key, value in asdict(each).items()}

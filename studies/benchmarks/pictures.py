@@ -43,11 +43,7 @@ SCHEMES = ("light", "dark")
 WALKS = {"First walk": (100, 3), "Second walk": (101, 3), "Third walk": (102, 3)}
 VISITOR = ("A visitor", (200, 1))
 VENUE, FLOORS = "North Mall", ("Ground floor", "Floor 1")
-PLACES = {
-    "Way in": ("door", 1.2, 1.0),
-    "Stairs": ("stairs", 6.9, 5.6),
-    "Desk": ("room", 5.4, 4.9),
-}
+PLACES = {"Way in": ("door", 1.2, 1.0), "Stairs": ("stairs", 6.9, 5.6), "Desk": ("room", 5.4, 4.9)}
 """By name their kind, and where they are in the world."""
 ME, OTHERS = "Ada", ("Eve", "The facility team")
 COLOURS = 256

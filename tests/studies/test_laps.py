@@ -283,9 +283,7 @@ def small(kept: Path) -> dict[tuple[str, str, str], float]:
     return {(each.method, each.condition, each.metric): each.value for each in records}
 
 
-def test_echoes_tell_places_and_the_deaf_do_not(
-    found: dict[tuple[str, str, str], float],
-) -> None:
+def test_echoes_tell_places_and_the_deaf_do_not(found: dict[tuple[str, str, str], float]) -> None:
     lanes, recall = "0.1 m lanes", "recall at 1 %, 0 to 0.15 m"
     assert found["ELF", lanes, MEDIAN_M] < 0.5
     assert found["deaf", lanes, MEDIAN_M] > 1.5

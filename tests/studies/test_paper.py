@@ -62,9 +62,7 @@ def test_a_recipe_is_trained_once_and_another_anew(
     assert {file.parent for file in trained} == {tmp_path / "encoders"}
 
 
-def test_the_opposite_heading_costs_what_nothing_else_does(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_opposite_heading_costs_what_nothing_else_does(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = {name: {"studio": 1.0} for name in PAPER_M if name[1] in {"one-shot", OPPOSITE}}
     asked |= {name: {} for name in PAPER_M if name not in asked}
     monkeypatch.setattr(paper, "PAPER_M", asked)

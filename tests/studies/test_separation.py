@@ -7,13 +7,7 @@ import pytest
 from sklearn.metrics import roc_auc_score
 
 from elfslam.base.errors import InputError
-from studies.elf import (
-    area_under_curve,
-    histograms,
-    recall_at,
-    separation_records,
-    shares_above,
-)
+from studies.elf import area_under_curve, histograms, recall_at, separation_records, shares_above
 from studies.results import Record
 
 OF = Record("ELF", "", 0.0, world="studio")
