@@ -35,7 +35,7 @@ from elfslam.stages.segments import locate_by_segments
 from elfslam.world.kinds import PEOPLE, QUIET, Kind, kind_named
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world
-from studies.cached import record_of
+from studies.cached import extract_features, record_of
 from studies.located import (
     MAPPING_ROUNDS,
     MEDIAN_M,
@@ -43,11 +43,12 @@ from studies.located import (
     Stranger,
     fix_numbers,
     located,
+    located_in,
     mapped_walk,
     stranger,
 )
 from studies.mapping import CALIBRATED, walkers
-from studies.plain_features import ELF, feature_maps
+from studies.plain_features import ELF, feature_maps, tracking_by
 from studies.results import Record, averaged
 from studies.study import Study, StudyContext, finished
 
@@ -136,7 +137,7 @@ def _measured(pair: Pair) -> list[Record]:
         wrongly = located(mapped, lost, mode, Settings()).status == FixStatus.OK
         numbers = {ANSWERED_ELSEWHERE: float(np.mean(wrongly))}
         records += record_of(pair, ELF, mode.value).each(numbers)
-    ways = (*_by_echoes(mapped, other), *_always(pair, mapped, other),
+    ways = (*_by_echoes(mapped, other), *_by_features(pair, mapped, other),
             *_baselines(pair, mapped, other))  # fmt: skip
     for method, way, fixes, run in ways:
         numbers = fix_numbers(fixes, other.truth, run.trajectory, mapped.truth)
@@ -150,11 +151,21 @@ def _by_echoes(mapped: Mapped, other: Stranger) -> Iterator[tuple[str, str, Fixe
         yield ELF, mode.value, located(mapped, other, mode, Settings()), mapped.run
 
 
-def _always(pair: Pair, mapped: Mapped, other: Stranger) -> Iterator[tuple[str, str, Fixes, Run]]:
-    """Each feature in a map of its own making; every window is where the most similar spot is."""
+def _by_features(
+    pair: Pair, mapped: Mapped, other: Stranger
+) -> Iterator[tuple[str, str, Fixes, Run]]:
+    """Each feature in a map of its own making: every window is where the most similar spot is.
+
+    Hand-made ones go through the particle filter too, which answers every footstep.
+    """
     settings = walkers(pair.seed, kind_named(pair.kind))[CALIBRATED]
     for feature, own in feature_maps(mapped.recording, mapped.run, settings).items():
         yield ALWAYS_ANSWERED.format(feature), ONE_SHOT, own.asked(other.echoes), own.run
+        if feature != ELF:
+            assert own.run.floor_map is not None
+            heard = replace(other, features=extract_features(other.echoes, own.encoder))
+            known = replace(Settings(), track=tracking_by(feature, Settings()))
+            yield feature, TRACK, located_in(own.run.floor_map, heard, Mode.TRACK, known), own.run
 
 
 @cache
