@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, NoReturn
-
 import numpy as np
 import pytest
 
 from elfslam.base.values import Trajectory, Truth
 from elfslam.scoring.errors import Alignment, position_errors
-from elfslam.world.kinds import ASKING_PHONE, DAYS_LATER, MAPPING_PHONE, PEOPLE
-from studies import merging
+from elfslam.world.kinds import PEOPLE
 from studies.mapping import MEDIAN_ALIGNED
 from studies.merging import (
     APART,
@@ -74,26 +71,6 @@ def test_a_pair_is_what_it_is_called(common: str) -> None:
         assert pair.other.state == (MOVED if common == CHANGED else "")
         assert (pair.one.later, pair.other.later) == (False, True)
         assert pair.one.kind == pair.other.kind == PEOPLE.name
-
-
-@pytest.mark.parametrize(
-    ("later", "phone", "day"), [(False, MAPPING_PHONE, 0), (True, ASKING_PHONE, DAYS_LATER)]
-)
-def test_who_walks_later_has_another_phone(
-    later: bool, phone: str, day: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked: dict[str, Any] = {}
-
-    def listen(*_: object, **given: object) -> NoReturn:
-        asked.update(given)
-        raise InterruptedError
-
-    monkeypatch.setattr(merging, "simulate", listen)
-    with pytest.raises(InterruptedError):
-        recorded(Stroll("studio", 131, state=MOVED, later=later, kind=PEOPLE.name))
-    today = asked["circumstances"]
-    assert (today.device, today.day, today.state) == (phone, day, MOVED)
-    assert asked["walker"] == PEOPLE.walker
 
 
 def test_two_parts_of_a_route_share_no_ground() -> None:

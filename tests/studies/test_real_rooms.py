@@ -20,7 +20,6 @@ from studies.real_rooms import (
     echo_of,
     measure_real_rooms,
     own,
-    read_responses,
     recognised,
 )
 from studies.study import StudyContext
@@ -99,13 +98,3 @@ def test_what_a_microphone_adds_to_every_place_is_taken_away() -> None:
 def test_absent_recordings_are_refused(tmp_path: Path, *, given: bool) -> None:
     with pytest.raises(InputError, match="is absent; pass --data or set ELFSLAM_DATA"):
         measure_real_rooms(StudyContext(tmp_path if given else None))
-
-
-@pytest.mark.parametrize(
-    ("circle_m", "names"), [(2.0, ["centre", "front"]), (1.5, ["centre", "front", "back"])]
-)
-def test_the_real_responses_are_read(shared_data: Path, circle_m: float, names: list[str]) -> None:
-    responses, rate_hz, microphones = read_responses(shared_data, circle_m)
-    assert responses.shape == (8, 12, len(names), 6240)
-    assert rate_hz == RATE_HZ
-    assert microphones == names

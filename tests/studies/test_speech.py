@@ -28,7 +28,6 @@ from studies.speech import (
     moved_into_band,
     padded,
     share_in_band_db,
-    talker_response,
     utterances,
     with_hiss,
 )
@@ -119,26 +118,6 @@ def test_a_low_rate_recording_is_given_a_hiss_of_its_own_rhythm() -> None:
     off = np.fft.rfft(hissing - said)
     hz = np.fft.rfftfreq(len(said), 1 / RATE_HZ)
     assert np.abs(off[hz < 12_000]).max() < 0.1 * np.abs(off).max()
-
-
-@pytest.mark.skipif(
-    not study.WORDS.is_dir() or shutil.which("espeak-ng") is None,
-    reason="no voices: apt-get install alsa-utils espeak-ng",
-)
-def test_installed_voices_are_found() -> None:
-    found = utterances(None, most=1)
-    assert {"words", "made"} <= {each.kind for each in found}
-    for each in found:
-        assert np.sqrt(np.mean(each.samples**2)) == pytest.approx(1)
-        assert len(each.samples) > 1.5 * RATE_HZ
-        assert -70 < share_in_band_db(each.samples) < -20
-
-
-def test_the_talker_is_heard_at_once_and_from_the_walls_later() -> None:
-    response = talker_response()
-    assert response[0] == response.max() > 0
-    assert np.argmax(np.cumsum(response**2) > 0.99 * np.sum(response**2)) / RATE_HZ * 10 > 0.15
-    assert len(response) <= 0.3 * RATE_HZ + 1
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,6 @@ from studies.spots import (
     COUNT,
     GUESS,
     MEAN_M,
-    POINTS,
     RECOGNISED,
     SPACING,
     Point,
@@ -21,7 +20,6 @@ from studies.spots import (
     measure_repeat,
     measure_spots,
     spots_apart,
-    spots_of,
 )
 from studies.study import StudyContext
 
@@ -41,13 +39,6 @@ def test_neighbours_are_as_far_apart_as_asked_and_where_one_can_stand(spacing_m:
 def test_a_room_too_small_for_the_spots_is_refused() -> None:
     with pytest.raises(InputError, match="wanted 16 free places 9 m apart; ask for fewer"):
         spots_apart(load_world("lab").room, 9.0, 16, np.random.default_rng(0))
-
-
-def test_marked_spots_are_drawn_once_each() -> None:
-    world = load_world("lab")
-    found = spots_of(Point(COUNT, 128, 1), world, np.random.default_rng(0))
-    assert len(np.unique(found, axis=0)) == 128
-    assert len(spots_of(Point(SPACING, 2.0, 1), world, np.random.default_rng(0))) == 16
 
 
 def test_few_spots_are_learnt_for_as_many_steps_as_needed() -> None:
@@ -73,9 +64,3 @@ def test_each_point_is_the_mean_of_its_repeats() -> None:
     assert [each.seeds for each in guesses.values()] == ["0", "0 to 1"]
     assert set(guesses) == {"1 m apart", "2 spots"}
     assert all(0 <= each.value <= 1 for each in records if each.metric == RECOGNISED)
-
-
-def test_the_full_study_has_the_points_of_the_paper() -> None:
-    spacings, counts = ([p.at for p in POINTS if p.varied == v] for v in (SPACING, COUNT))
-    assert spacings == [0.25, 0.5, 1.0, 2.0, 3.0]
-    assert counts == [8, 16, 32, 64, 128]

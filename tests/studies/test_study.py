@@ -65,11 +65,6 @@ def test_a_run_cut_off_goes_on_where_it_was(tmp_path: Path) -> None:
     assert asked == [1, 2, 2, 3]
 
 
-def test_nothing_is_kept_where_no_file_is_named(tmp_path: Path) -> None:
-    assert finished(square, [5], StudyContext()) == [square(5)]
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.parametrize(
     ("content", "complaint"),
     [
