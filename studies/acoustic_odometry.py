@@ -25,11 +25,17 @@ from elfslam.stages.acoustic_odometry import (
 )
 from elfslam.stages.chirp import make_chirp
 from elfslam.stages.closure import find_closures
-from elfslam.stages.feature import load_encoder
 from elfslam.stages.graph import build_graph, optimise
 from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.kinds import PEOPLE, Kind
-from studies.cached import SCENARIOS, SimulatedWalk, extract_echoes, extract_features, simulated
+from studies.cached import (
+    SCENARIOS,
+    SimulatedWalk,
+    extract_echoes,
+    extract_features,
+    shipped,
+    simulated,
+)
 from studies.results import Record, seeds_text
 from studies.study import Study, StudyContext, finished
 
@@ -88,7 +94,7 @@ def measure_walk(walk: SimulatedWalk) -> list[Record]:
     true = true_scale(heard.nodes, heard.truth)
     found = measure_scale(heard.echoes, heard.nodes, heard.chirp, AcousticOdometryParameters())
     scales = {CLAIMED: 1.0, MEASURED: with_prior(found, PEOPLE_SIGMA).scale, TRUE: true}
-    features = extract_features(heard.echoes, load_encoder("compact"))
+    features = extract_features(heard.echoes, shipped())
     return [
         Record("sound alone", SCALE, found.scale),
         Record("sound alone", SIGMA, found.sigma),

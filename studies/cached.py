@@ -17,7 +17,7 @@ from typing import Any, Protocol, TypeVar
 from elfslam.app.settings import Settings
 from elfslam.base.values import Echoes, Features, Recording, Truth
 from elfslam.slam import front_end
-from elfslam.stages.feature import Encoder
+from elfslam.stages.feature import Encoder, load_encoder
 from elfslam.stages.feature import extract_features as extract
 from elfslam.world import simulate as simulator
 from elfslam.world.kinds import QUIET, Kind, kind_named
@@ -65,6 +65,12 @@ def simulated(walk: SimulatedWalk, *, sensors: Collection[Sensor] = ()) -> tuple
     return simulated_in(
         simulator.load_world(walk.world), walk.seed, walk.rounds, kind, sensors=sensors
     )
+
+
+@cache
+def shipped() -> Encoder:
+    """The encoder that comes with the package."""
+    return load_encoder("compact")
 
 
 def at_its_start(recording: Recording, truth: Truth) -> Recording:

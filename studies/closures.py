@@ -15,11 +15,17 @@ from elfslam.scoring.closure_score import score_closures
 from elfslam.scoring.errors import Alignment, position_errors, summarise
 from elfslam.slam.front_end import apply_acoustic_scale, dead_reckoning_nodes
 from elfslam.stages.closure import candidates, find_closures, within_gate
-from elfslam.stages.feature import load_encoder
 from elfslam.stages.graph import build_graph, optimise
 from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.kinds import PEOPLE, Kind
-from studies.cached import SimulatedWalk, extract_echoes, extract_features, record_of, simulated
+from studies.cached import (
+    SimulatedWalk,
+    extract_echoes,
+    extract_features,
+    record_of,
+    shipped,
+    simulated,
+)
 from studies.curation import CurationParameters, curated_closures, pairs_on_lines
 from studies.mapping import MEDIAN_ALIGNED
 from studies.results import Record
@@ -55,7 +61,7 @@ def _measured(walk: SimulatedWalk) -> list[Record]:
     settings = Settings()
     echoes = extract_echoes(recording, settings)
     nodes = apply_acoustic_scale(dead_reckoning_nodes(recording, settings), echoes, settings)
-    features = extract_features(echoes, load_encoder("compact"))
+    features = extract_features(echoes, shipped())
     similarity = echo_sequence_similarity(features, nodes)
     found: list[Record] = []
     for strategy, step, closures, last in _steps(similarity, nodes, settings):

@@ -17,7 +17,7 @@ from elfslam.base.values import FixStatus
 from elfslam.world.kinds import KINDS, kind_named
 from elfslam.world.simulate import load_world
 from studies.cached import SimulatedWalk, record_of
-from studies.localization import ANSWERED_ELSEWHERE, ELSEWHERE, ROUNDS, shipped
+from studies.localization import ANSWERED_ELSEWHERE, ELSEWHERE, ROUNDS
 from studies.located import (
     MAPPING_ROUNDS,
     MEDIAN_M,
@@ -55,10 +55,10 @@ def measure_fix_thresholds(
 
 def _measured(walk: SimulatedWalk) -> list[Record]:
     world, kind = load_world(walk.world), kind_named(walk.kind)
-    mapped = mapped_walk(world, walk.seed, walk.rounds, shipped(), kind=kind)
-    other = stranger(world, walk.seed, ROUNDS, shipped(), kind=kind)
+    mapped = mapped_walk(world, walk.seed, walk.rounds, kind=kind)
+    other = stranger(world, walk.seed, ROUNDS, kind=kind)
     strange = load_world(ELSEWHERE.get(walk.world, "studio"))
-    lost = stranger(strange, walk.seed, 1, shipped(), kind=kind)
+    lost = stranger(strange, walk.seed, 1, kind=kind)
     records: list[Record] = []
     for mode in Mode:
         for least in UNKNOWN_BELOW:

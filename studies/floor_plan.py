@@ -14,7 +14,6 @@ from elfslam.base.geometry import interpolate_poses
 from elfslam.base.grid import FloorGrid, drawn_grid
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
-from elfslam.stages.feature import load_encoder
 from elfslam.stages.floor_plan_alignment import (
     AMBIGUOUS,
     NOWHERE,
@@ -29,7 +28,7 @@ from elfslam.world.kinds import PEOPLE, Kind
 from elfslam.world.room import Room
 from elfslam.world.simulate import load_world
 from elfslam.world.walkable import HEAD_M
-from studies.cached import SimulatedWalk, record_of, simulated
+from studies.cached import SimulatedWalk, record_of, shipped, simulated
 from studies.magnetic_walks import median_of
 from studies.results import Record, averaged, seeds_text
 from studies.study import Study, StudyContext, finished
@@ -93,7 +92,7 @@ def plan_of(room: Room, *, furnished: bool) -> FloorGrid:
 def mapped(walk: SimulatedWalk) -> Mapped:
     """The walk as its echoes map it, from an origin of its own."""
     recording, truth = simulated(walk)
-    trajectory = map_by_echoes(recording, load_encoder("compact"), Parameters()).trajectory
+    trajectory = map_by_echoes(recording, shipped(), Parameters()).trajectory
     true = interpolate_poses(truth.t_s, truth.world_from_body, trajectory.t_s)
     return Mapped(trajectory.world_from_body[:, :2], true[:, :2])
 

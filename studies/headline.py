@@ -24,7 +24,6 @@ from elfslam.app.settings import Settings
 from elfslam.app.workers import open_workers
 from elfslam.base.enums import Modality, Mode
 from elfslam.slam.pipeline import map_by
-from elfslam.stages.feature import load_encoder
 from elfslam.world.kinds import PEOPLE, SURVEYOR, Kind, kind_named
 from elfslam.world.simulate import load_world
 from studies.catalogue import STUDIES, Choice, stale_studies
@@ -108,14 +107,14 @@ def measure_headline(
 
 def median_errors(task: Task) -> list[Record]:
     """Median errors (m) of one walk, aligned: its dead reckoning, its map, and who is in it."""
-    world, encoder, kind = load_world(task.world), load_encoder("compact"), kind_named(task.kind)
-    mapped = mapped_walk(world, task.seed, task.rounds, encoder, kind=kind)
+    world, kind = load_world(task.world), kind_named(task.kind)
+    mapped = mapped_walk(world, task.seed, task.rounds, kind=kind)
     numbers = {
         RECKONED: reckoned_m(mapped, task.seed, kind),
         MAPPED: trajectory_errors(mapped.run.trajectory, mapped.truth)[MEDIAN_ALIGNED],
     }
     if task.modes:
-        other = stranger(world, task.seed, STRANGER_ROUNDS, encoder, kind=kind)
+        other = stranger(world, task.seed, STRANGER_ROUNDS, kind=kind)
         for mode in task.modes:
             fixes = located(mapped, other, mode, Settings())
             found = fix_numbers(fixes, other.truth, mapped.run.trajectory, mapped.truth)

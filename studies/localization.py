@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 
@@ -29,7 +28,6 @@ from elfslam.baselines.rival_maps import (
     wifi_spot_scores,
 )
 from elfslam.slam.pipeline import map_by
-from elfslam.stages.feature import Encoder, load_encoder
 from elfslam.stages.locate import fixes_of
 from elfslam.stages.segments import locate_by_segments
 from elfslam.world.kinds import PEOPLE, QUIET, Kind, kind_named
@@ -127,11 +125,11 @@ def paper_m(record: Record) -> float | None:
 
 
 def _measured(pair: Pair) -> list[Record]:
-    world, encoder, kind = load_world(pair.world), shipped(), kind_named(pair.kind)
-    mapped = mapped_walk(world, pair.seed, pair.mapping_rounds, encoder, sensors=SENSORS, kind=kind)
-    other = stranger(world, pair.seed, pair.rounds, encoder, sensors=SENSORS, kind=kind)
+    world, kind = load_world(pair.world), kind_named(pair.kind)
+    mapped = mapped_walk(world, pair.seed, pair.mapping_rounds, sensors=SENSORS, kind=kind)
+    other = stranger(world, pair.seed, pair.rounds, sensors=SENSORS, kind=kind)
     strange = load_world(ELSEWHERE.get(pair.world, "studio"))
-    lost = stranger(strange, pair.seed, 1, encoder, kind=kind)
+    lost = stranger(strange, pair.seed, 1, kind=kind)
     records: list[Record] = []
     for mode in Mode:
         wrongly = located(mapped, lost, mode, Settings()).status == FixStatus.OK
@@ -166,12 +164,6 @@ def _by_features(
             heard = replace(other, features=extract_features(other.echoes, own.encoder))
             known = replace(Settings(), track=tracking_by(feature, Settings()))
             yield feature, TRACK, located_in(own.run.floor_map, heard, Mode.TRACK, known), own.run
-
-
-@cache
-def shipped() -> Encoder:
-    """The encoder that comes with the package."""
-    return load_encoder("compact")
 
 
 def _baselines(

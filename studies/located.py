@@ -27,13 +27,19 @@ from elfslam.scoring.alignment import Alignment, match, placement
 from elfslam.scoring.errors import fix_distances, summarise
 from elfslam.slam.front_end import dead_reckoning_nodes
 from elfslam.slam.pipeline import footstep_likeness, locate_walk, map_by_echoes
-from elfslam.stages.feature import Encoder
 from elfslam.stages.locate import locate_one_shot
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.kinds import QUIET, Kind
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import World
-from studies.cached import at_its_start, extract_echoes, extract_features, simulate, simulated_in
+from studies.cached import (
+    at_its_start,
+    extract_echoes,
+    extract_features,
+    shipped,
+    simulate,
+    simulated_in,
+)
 from studies.mapping import CALIBRATED, walkers
 
 MAPPING_ROUNDS = 4
@@ -68,7 +74,6 @@ def mapped_walk(
     world: World,
     seed: int,
     rounds: int,
-    encoder: Encoder,
     *,
     sensors: Collection[Sensor] = (),
     kind: Kind = QUIET,
@@ -76,7 +81,7 @@ def mapped_walk(
     """A walk by someone whose steps are known, from a known start, mapped by echoes."""
     recording, truth = simulated_in(world, seed, rounds, kind, sensors=sensors)
     recording = at_its_start(recording, truth)
-    run = map_by_echoes(recording, encoder, walkers(seed, kind)[CALIBRATED])
+    run = map_by_echoes(recording, shipped(), walkers(seed, kind)[CALIBRATED])
     return Mapped(recording, run, truth)
 
 
@@ -84,7 +89,6 @@ def stranger(
     world: World,
     seed: int,
     rounds: int,
-    encoder: Encoder,
     *,
     sensors: Collection[Sensor] = (),
     circumstances: Circumstances | None = None,
@@ -104,7 +108,7 @@ def stranger(
         circumstances=today, reverse=reverse,
     )  # fmt: skip
     echoes = extract_echoes(recording, Settings())
-    features = extract_features(echoes, encoder)
+    features = extract_features(echoes, shipped())
     return Stranger(recording, dead_reckoning_nodes(recording, Settings()), echoes, features, truth)
 
 

@@ -24,8 +24,7 @@ from elfslam.world.kinds import SURVEYOR, Kind, kind_named
 from elfslam.world.simulate import load_world
 from elfslam.world.walkable import fault_of_route
 from elfslam.world.world_file import World
-from studies.cached import SCENARIOS, simulate
-from studies.localization import shipped
+from studies.cached import SCENARIOS, shipped, simulate
 from studies.localization_cost import map_bytes
 from studies.located import MEDIAN_M
 from studies.mapping import MEDIAN_ALIGNED

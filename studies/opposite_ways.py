@@ -18,7 +18,7 @@ from elfslam.stages.feature import Encoder, OnnxEncoder, load_encoder, walk_vect
 from elfslam.stages.superimposition import SpotEchoes, floor_spots
 from elfslam.world.kinds import SURVEYOR, kind_named
 from elfslam.world.simulate import load_world
-from studies.cached import at_its_start, extract_echoes, record_of, simulate, simulated_in
+from studies.cached import at_its_start, extract_echoes, record_of, shipped, simulate, simulated_in
 from studies.floor_spots import (
     MEDIAN_M,
     SPACING_M,
@@ -95,7 +95,7 @@ def mapped(task: Ways, seed: int, *, reverse: bool) -> Mapped:
     )
     known = walkers(seed, kind)[CALIBRATED]
     recording = at_its_start(recording, truth)
-    run = map_by_echoes(recording, load_encoder("compact"), known)
+    run = map_by_echoes(recording, shipped(), known)
     assert run.echoes is not None
     t_s, heard = run.trajectory.t_s, run.echoes
     inside = (heard.t_s >= t_s[0]) & (heard.t_s <= t_s[-1])

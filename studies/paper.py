@@ -238,7 +238,7 @@ def _queried(
         if walk.world not in PAPER_M[STRATEGY, condition]:
             continue
         query = stranger(
-            world, walk.seed, ROUNDS, encoder, circumstances=today, reverse=condition == OPPOSITE
+            world, walk.seed, ROUNDS, circumstances=today, reverse=condition == OPPOSITE
         )
         query = replace(query, features=without_normalisation(query.echoes, encoder))
         metric = MEAN_M if condition == FURNITURE else MEDIAN_M

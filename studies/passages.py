@@ -15,12 +15,11 @@ from elfslam.scoring.alignment import AS_DECLARED
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import Sense as Motion
 from elfslam.slam.pipeline import map_by, map_by_echoes, no_similarity
-from elfslam.stages.feature import load_encoder
 from elfslam.stages.floor_plan_alignment import AnchoringParameters
 from elfslam.stages.map_matching import MapMatchingParameters, followed_trajectory
 from elfslam.world.kinds import PEOPLE, Kind
 from elfslam.world.simulate import load_world
-from studies.cached import SimulatedWalk, record_of, simulated
+from studies.cached import SimulatedWalk, record_of, shipped, simulated
 from studies.floor_plan import plan_of
 from studies.mapping import trajectory_coverage
 from studies.results import Record
@@ -56,7 +55,7 @@ def _measured(walk: SimulatedWalk, parameters: MapMatchingParameters) -> list[Re
     off = np.random.default_rng([walk.seed, 11]).normal(0, START_SIGMA)
     runs: dict[str, Run] = {
         STEPS: map_by(recording, [Motion(no_similarity, Parameters().closure)], Parameters()),
-        ECHOES: map_by_echoes(recording, load_encoder("compact"), Parameters()),
+        ECHOES: map_by_echoes(recording, shipped(), Parameters()),
     }
     found: list[Record] = []
     for method, run in runs.items():

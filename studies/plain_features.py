@@ -24,7 +24,6 @@ from elfslam.stages.track import TrackParameters
 from studies.cached import extract_features
 
 ELF, PLAIN, ROOT, LOG = "ELF", "plain spectrogram", "root spectrogram", "log spectrogram"
-FEATURES = (ELF, PLAIN, ROOT, LOG)
 CLOSURE_THRESHOLDS: Mapping[str, float] = {ELF: 0.22, PLAIN: 0.1, ROOT: 0.1, LOG: 0.07}
 ALWAYS = replace(LocateParameters(), unknown_below=-1.0, ambiguous_below=0.0)
 """No threshold: features are compared that need other ones."""

@@ -13,8 +13,8 @@ from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.stages.checkpoints import lies_on_plan
 from elfslam.world.kinds import PEOPLE, Kind, kind_named
-from studies.cached import SimulatedWalk, at_its_start, record_of, simulated
-from studies.localization import SEEDS, WORLDS, shipped
+from studies.cached import SimulatedWalk, at_its_start, record_of, shipped, simulated
+from studies.localization import SEEDS, WORLDS
 from studies.located import MAPPING_ROUNDS
 from studies.mapping import CALIBRATED, MEDIAN_ALIGNED, walkers
 from studies.plain_features import ELF

@@ -124,19 +124,6 @@ def test_a_line_too_flat_or_too_steep_is_no_walk(slope: float, width: float) -> 
     assert len(closures_of(scores).i) == 0
 
 
-def test_a_line_too_short_is_no_walk() -> None:
-    """Four footsteps within one slice; eight are enough."""
-    assert len(closures_of(planted(same_way(48), 4, 8)).i) == 0
-    assert len(closures_of(planted(same_way(48), 4, 12)).i) == 8
-
-
-def test_the_threshold_is_included() -> None:
-    scores = np.zeros((COUNT, COUNT), dtype=np.float32)
-    scores[3, 50], scores[4, 51] = 0.5, 0.499
-    parameters = dataclasses.replace(PARAMETERS, threshold=0.5)
-    assert candidate_pairs(scores, parameters).tolist() == [[3, 50]]
-
-
 def test_one_closure_per_footstep_and_crossing_the_best() -> None:
     """A third pass closes with the first and the second."""
     scores = np.maximum(planted(same_way(30), 2, 26), planted(same_way(62), 2, 26))

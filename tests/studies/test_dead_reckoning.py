@@ -70,14 +70,6 @@ def test_a_tilted_or_resampled_phone_walks_the_same_way(walks: list[ReckonedWalk
             assert two.end_share == pytest.approx(one.end_share, abs=0.03)
 
 
-def test_a_known_length_narrows_the_scale(walks: list[ReckonedWalk]) -> None:
-    spread = [
-        np.std([one.scale for one in scored])
-        for scored in (study._scored(walks, study.TRUE_LEG), study._calibrated(walks))
-    ]
-    assert spread[1] <= spread[0]
-
-
 def test_the_study_needs_no_real_walks() -> None:
     records = measure_dead_reckoning(StudyContext(), seeds=1, worlds=("concourse",))
     assert {each.world for each in records} == {"concourse", "simulated"}

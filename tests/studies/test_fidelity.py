@@ -53,18 +53,6 @@ def test_what_one_engine_lacks_shows(monkeypatch: pytest.MonkeyPatch) -> None:
     assert compare_room(random_shoebox, 0.0, 0).correlation < 0.99
 
 
-def test_a_path_of_one_engine_alone_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = pyroom.visible_images
-
-    def but_the_loudest(*given: object) -> tuple[F64, ...]:
-        length_m, gain, order = whole(*given)  # type: ignore[arg-type]
-        keep = length_m > length_m.min()
-        return length_m[keep], gain[keep], order[keep]
-
-    monkeypatch.setattr(pyroom, "visible_images", but_the_loudest)
-    assert compare_room(random_polygon, 0.0, 3).only_one == 1
-
-
 @pytest.mark.parametrize("draw", [random_shoebox, random_polygon])
 def test_random_rooms_are_sound_and_the_same_for_a_seed(draw: Draw) -> None:
     for seed in range(10):

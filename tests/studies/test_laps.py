@@ -16,13 +16,11 @@ from elfslam.world.world_file import load_world
 from studies.lap_echoes import (
     CHANGES,
     MOVED_M,
-    PHONE_AND_DAY,
     Crowd,
     Places,
     _asking,
     joined,
     mapped_lap,
-    own_lane_m,
     strange_laps,
     venue_of,
 )
@@ -37,7 +35,6 @@ from studies.laps import (
     beside,
     best_answers,
     condition_of,
-    crowds,
     least_likeness,
     measure_laps,
     numbers_of,
@@ -212,15 +209,6 @@ def test_who_stands_is_not_heard() -> None:
     assert lap.t_s[0] > 0.5, "standing before the lap is left out"
 
 
-def test_each_crowd_walks_once() -> None:
-    own_m = own_lane_m("studio")
-    found = crowds(["studio"], PEOPLE.name, (0.1,), (0, 1), (2, 8), (0,))
-    assert [(crowd.lane_m, crowd.seed, crowd.laps) for crowd in found] == [
-        (0.1, 0, (FEW,)), (0.1, 1, (FEW,)), (own_m, 0, (2, FEW, 8)), (own_m, 1, (FEW,)),
-    ]  # fmt: skip
-    assert {crowd.laps for crowd in crowds(["studio"], PEOPLE.name, (), (), (2,), (0,))} == {(2,)}
-
-
 @pytest.fixture(scope="module")
 def found(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, str, str], float]:
     return small(tmp_path_factory.mktemp("kept") / "laps.partial")
@@ -241,15 +229,6 @@ def test_echoes_tell_places_and_the_deaf_do_not(found: dict[tuple[str, str, str]
     assert ("deaf", lanes, KEPT_MEDIAN_M) not in found, "nothing is kept, so there is no error"
     assert found["ELF", lanes, recall] > 0.5
     assert found["deaf", lanes, recall] == 0.0
-
-
-def test_on_a_quiet_day_it_does_not_matter_what_would_change(
-    found: dict[tuple[str, str, str], float],
-) -> None:
-    """Who asks on a quiet day has the phone and the day of the mapping."""
-    for asked_by in set(CHANGES) - {PHONE_AND_DAY}:
-        for metric in (MEDIAN_M, OVER_1_M, "answered"):
-            assert found["ELF", asked_by, metric] == found["ELF", "2 laps", metric]
 
 
 def test_recall_is_of_all_places_of_all_seeds() -> None:

@@ -123,18 +123,6 @@ def test_waypoints_are_tapped_on_the_way_and_a_little_off() -> None:
     assert np.isnan(tapped.world_from_body[:, 2]).all()
 
 
-def test_displacements_of_a_straight_walk_err_along_and_not_across() -> None:
-    """A planted gait whose steps the line takes for shorter or longer than they are."""
-    recording, truth = walk_of(0)
-    t_s = np.arange(0.0, truth.t_s[-1], 5.0)
-    ways = Truth(t_s, np.column_stack([t_s, 0 * t_s, np.full(len(t_s), np.nan)]))
-    found = statistics([[(recording, ways)]])
-    along, across = (found[f"displacement error {way} (m)", "20 m"] for way in ("along", "across"))
-    assert across < 0.01
-    assert along > 0.5
-    assert found["displacement error along (m)", "60 m"] == pytest.approx(3 * along, rel=0.15)
-
-
 def test_the_simulation_is_near_the_mall(shared_data: Path) -> None:
     """What the constants were chosen for; the hall is the simulated place most like the mall.
 

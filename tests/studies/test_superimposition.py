@@ -8,17 +8,13 @@ import numpy as np
 import pytest
 
 from studies.floor_spots import (
-    MEAN_M,
-    OVER_1_M,
     SUPERIMPOSED,
     TOGETHER,
     Spots,
-    error_numbers,
     fixes_m,
     floor_of,
-    quantile_numbers,
 )
-from studies.opposite_ways import PLACED, Ways, mapped
+from studies.opposite_ways import PLACED, Ways
 from studies.study import StudyContext
 from studies.superimposition import measure_superimposition
 
@@ -59,21 +55,3 @@ def test_a_fix_lies_between_the_spots_that_sound_alike() -> None:
     vectors[1:TOGETHER] = [0.0, 3.0]
     alone, all_six = (fixes_m(vectors, k, spots, spots_m)[0] for k in (1, TOGETHER))
     np.testing.assert_allclose([alone, all_six], [[0.1, 0], [9, 0]])
-
-
-def test_errors_have_a_share_of_gross_ones() -> None:
-    found_m, truth_m = np.array([[0.0, 0.0], [3.0, 4.0]]), np.zeros((2, 2))
-    errors = error_numbers(found_m, truth_m)
-    assert (errors[MEAN_M], errors[OVER_1_M]) == (2.5, 0.5)
-    quantiles = quantile_numbers(found_m, truth_m)
-    assert (quantiles["50 %"], next(iter(quantiles))) == (2.5, "10 %")
-
-
-def test_maps_of_both_ways_lie_in_one_frame() -> None:
-    there, back = (mapped(SHORT, 100, reverse=way) for way in (False, True))
-    for walk in (there, back):
-        off_m = np.linalg.norm((walk.poses - walk.truth)[:, :2], axis=1)
-        assert np.median(off_m) < 0.6
-    ahead = np.unwrap(there.poses[:, 2])[-1] - there.poses[0, 2]
-    behind = np.unwrap(back.poses[:, 2])[-1] - back.poses[0, 2]
-    assert ahead * behind < 0, "the one turns left, the other right"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -19,14 +17,12 @@ from studies.trace import (
     FOOT_M,
     FOOTSTEP,
     HIGHER,
-    LEARNING,
     MARKERS,
     ON_TOP,
     PSD,
     RETURNS,
     TRACE,
     embedded,
-    learnt_on,
     marker_poses,
     measure_trace,
     returns_of,
@@ -73,17 +69,6 @@ def test_an_elf_stands_out_where_a_spectrum_does_not() -> None:
     trace = {int(at): value for (name, metric, at), value in found.items()
              if name == "ELF" and metric == TRACE}  # fmt: skip
     assert max(trace, key=lambda at: trace[at] if abs(at - FOOTSTEP) > 3 else 0) == 58 + FOOTSTEP
-
-
-def test_learning_on_the_walk_alone_starts_from_random_weights() -> None:
-    _, echoes = walk_over_markers(load_world("lab"), 1, np.random.default_rng(0))
-    tiny = replace(LEARNING, steps=2, pairs=16, threads=1)
-    random, learnt = learnt_on(echoes, replace(tiny, steps=0)), learnt_on(echoes, tiny)
-    a, b = (encoder.embed(echoes.samples[:4]) for encoder in (random, learnt))
-    assert a.shape == b.shape == (4, 128)
-    np.testing.assert_allclose(np.linalg.norm(b, axis=1), 1.0, rtol=1e-5)
-    assert not np.allclose(a, b)
-    np.testing.assert_array_equal(learnt_on(echoes, tiny).embed(echoes.samples[:4]), b)
 
 
 def test_echoes_of_two_kinds_are_two_clouds() -> None:
