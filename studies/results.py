@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
 from pathlib import Path
+from typing import SupportsFloat
 
 import numpy as np
 
@@ -47,7 +48,7 @@ class Record:
     condition: str = ""
     seeds: str = ""
 
-    def each(self, numbers: Mapping[str, float]) -> list[Record]:
+    def each(self, numbers: Mapping[str, SupportsFloat]) -> list[Record]:
         """A record of every number, by metric."""
         return [replace(self, metric=name, value=float(value)) for name, value in numbers.items()]
 

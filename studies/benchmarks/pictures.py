@@ -39,7 +39,7 @@ from studies.benchmarks.browser_walk import (
 from studies.benchmarks.page_place import make_map, put_plan, start_job, upload_walk, wait_for_jobs
 from studies.benchmarks.served import owner_of, serving
 
-SCHEMES = ("light", "dark")
+SCHEMES: tuple[Any, ...] = ("light", "dark")
 WALKS = {"First walk": (100, 3), "Second walk": (101, 3), "Third walk": (102, 3)}
 VISITOR = ("A visitor", (200, 1))
 VENUE, FLOORS = "North Mall", ("Ground floor", "Floor 1")
@@ -47,7 +47,7 @@ PLACES = {"Way in": ("door", 1.2, 1.0), "Stairs": ("stairs", 6.9, 5.6), "Desk": 
 """By name their kind, and where they are in the world."""
 ME, OTHERS = "Ada", ("Eve", "The facility team")
 COLOURS = 256
-DESK_SIZE = {"width": 1280, "height": 800}
+DESK_SIZE: Any = {"width": 1280, "height": 800}
 SIZE = {"width": 375, "height": 740}
 STATES = ("start", "probe", "name", "record", "sent", "unfinished", "interrupted", "no_network")
 MAP_STATES = ("maps", "place", "place_doubt", "place_offline")
