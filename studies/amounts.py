@@ -22,14 +22,11 @@ from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.stages.feature import Encoder, OnnxEncoder, load_encoder
 from elfslam.world.kinds import SURVEYOR, Kind
-from studies.cached import extract_echoes
-from studies.elf import labelled_pairs
+from studies.cached import SCENARIOS, SimulatedWalk, extract_echoes, simulated
+from studies.elf import histograms, labelled_pairs, recall_at
 from studies.finetuning import ERROR, WORLDS, median_error_m
-from studies.repeats import finished
 from studies.results import Record, averaged
-from studies.separation import histograms, recall_at
-from studies.simulated_walk import SimulatedWalk, simulated
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.study import Study, StudyContext, finished
 
 ECHOES = (20_480, 61_440, 204_800, 614_400, 1_024_000)
 MINUTES = (1.5, 2.0, 3.0, 5.0, 7.0, 10.0)

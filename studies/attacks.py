@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import lru_cache
 
 import numpy as np
 from scipy import stats
@@ -20,7 +20,7 @@ from elfslam.base.geometry import compose, interpolate_poses, inverse
 from elfslam.base.values import Audio, Fixes, FixStatus, Recording
 from elfslam.slam.front_end import dead_reckoning_nodes, extract_query_echoes
 from elfslam.slam.pipeline import footstep_likeness, locate_walk
-from elfslam.stages.feature import Encoder, extract_features, load_encoder
+from elfslam.stages.feature import extract_features
 from elfslam.stages.locate import trusted_one_shot
 from elfslam.stages.medium_access import MediumAccessParameters
 from elfslam.stages.spoofing import nothing_suspect
@@ -29,10 +29,10 @@ from elfslam.world.kinds import QUIET
 from elfslam.world.simulate import World, load_world
 from studies.attack_sounds import OWN_GAIN, SOUNDS, Victim, chirping_neighbours
 from studies.attacked_walk import PLACED_M, RATE_HZ, Walked, recorded, walked
+from studies.cached import SCENARIOS, shipped
 from studies.located import MAPPING_ROUNDS, STRANGER, Mapped, mapped_walk, world_from_map
-from studies.repeats import finished
 from studies.results import Record, seeds_text
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.study import Study, StudyContext, finished
 
 ROUNDS: Mapping[str, int] = {"living_room": 3, "office": 1}
 """Of the query walk: a minute or more."""
@@ -97,7 +97,7 @@ def measure_attacks(
         for world, rounds in worlds.items()
         for what in kinds
     ]
-    of = Record("", "", 0.0, world=" and ".join(worlds), scenario=SCENARIOS[QUIET.name],
+    of = Record("", world=" and ".join(worlds), scenario=SCENARIOS[QUIET.name],
                 seeds=seeds_text(seeds))  # fmt: skip
     return list(summarised(finished(measured, tasks, context), of))
 
@@ -127,14 +127,9 @@ def _records(by_mode: Mapping[str, Numbers], method: str, condition: str) -> lis
     ]
 
 
-@cache
-def _encoder() -> Encoder:
-    return load_encoder("compact")
-
-
 @lru_cache(maxsize=1)
 def _mapped(world: str, seed: int, rounds: int) -> Mapped:
-    return mapped_walk(load_world(world), seed, rounds, _encoder())
+    return mapped_walk(load_world(world), seed, rounds)
 
 
 @lru_cache(maxsize=2)
@@ -193,7 +188,7 @@ def _located(
         played_t_s=walk.played_t_s, gain_db=walk.gain_db,
     )  # fmt: skip
     echoes, suspicious = extract_query_echoes(recording, known)
-    features = extract_features(echoes, _encoder())
+    features = extract_features(echoes, shipped())
     nodes = dead_reckoning_nodes(recording, known)
     scores = footstep_likeness(features, nodes, floor_map, known.locate)
     credulous = replace(known, track=replace(known.track, jump=3.0))

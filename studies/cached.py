@@ -8,21 +8,91 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from elfslam.app.settings import Settings
 from elfslam.base.values import Echoes, Features, Recording, Truth
 from elfslam.slam import front_end
-from elfslam.stages.feature import Encoder
+from elfslam.stages.feature import Encoder, load_encoder
 from elfslam.stages.feature import extract_features as extract
 from elfslam.world import simulate as simulator
-from studies.results import ROOT, code_of
+from elfslam.world.kinds import QUIET, Kind, kind_named
+from elfslam.world.sensors import Sensor
+from studies.results import ROOT, Record, code_of
 
 Made = TypeVar("Made")
 MOST_BYTES = 24 * 2**30
+SCENARIOS: Mapping[str, str] = {
+    "people": "pedestrian", "surveyor": "surveyor", "quiet": "controlled",
+}  # fmt: skip
+"""By kind of simulated walk what results call it: who walks how, and in what circumstances."""
+
+
+@dataclass(frozen=True)
+class SimulatedWalk:
+    """A walk of a kind, for so many rounds."""
+
+    world: str
+    seed: int
+    rounds: int
+    kind: str = QUIET.name
+
+
+class InWorld(Protocol):
+    """What is measured in a world by walks of a kind, both by name."""
+
+    @property
+    def world(self) -> str:
+        """As `load_world` knows it."""
+
+    @property
+    def kind(self) -> str:
+        """As `kind_named` knows it."""
+
+
+def record_of(task: InWorld, method: str, condition: str = "") -> Record:
+    """Where and of what walks something is measured."""
+    return Record(method, world=task.world, scenario=SCENARIOS[task.kind], condition=condition)
+
+
+def simulated(walk: SimulatedWalk, *, sensors: Collection[Sensor] = ()) -> tuple[Recording, Truth]:
+    """The recording of a walk on a day of mapping, and where it went."""
+    kind = kind_named(walk.kind)
+    return simulated_in(
+        simulator.load_world(walk.world), walk.seed, walk.rounds, kind, sensors=sensors
+    )
+
+
+@cache
+def shipped() -> Encoder:
+    """The encoder that comes with the package."""
+    return load_encoder("compact")
+
+
+def at_its_start(recording: Recording, truth: Truth) -> Recording:
+    """The recording of someone who said where the walk begins."""
+    x_m, y_m, heading_rad = truth.world_from_body[0].tolist()
+    return replace(recording, start_pose=(x_m, y_m, heading_rad))
+
+
+def simulated_in(
+    world: simulator.World,
+    seed: int,
+    rounds: int,
+    kind: Kind,
+    *,
+    sensors: Collection[Sensor] = (),
+    reverse: bool = False,
+) -> tuple[Recording, Truth]:
+    """The same in a world that was read, or the opposite way round."""
+    return simulate(
+        world, seed, rounds=rounds, sensors=sensors, walker=kind.walker,
+        circumstances=kind.mapping(world.room), reverse=reverse,
+    )  # fmt: skip
 
 
 def simulate(world: simulator.World, seed: int, **how: Any) -> tuple[Recording, Truth]:

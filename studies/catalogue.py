@@ -16,8 +16,7 @@ from elfslam.base.errors import InputError
 from elfslam.base.values import Announce
 from elfslam.stages.feature import Encoder
 from elfslam.world.kinds import kind_named
-from studies.cached import bound_cache
-from studies.repeats import SampledError
+from studies.cached import SCENARIOS, bound_cache
 from studies.results import (
     RESULTS,
     Record,
@@ -29,7 +28,7 @@ from studies.results import (
     stamped,
     write_results,
 )
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.study import SampledError, Study, StudyContext
 
 STUDIES = (
     "acoustic-odometry", "amounts", "attacks", "closures", "contention", "dead-reckoning",

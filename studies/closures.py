@@ -13,17 +13,21 @@ from elfslam.base.values import AnySimilarity, Closures, Odometry, Truth
 from elfslam.scoring.errors import Alignment, position_errors, score_closures, summarise
 from elfslam.slam.front_end import apply_acoustic_scale, dead_reckoning_nodes
 from elfslam.stages.closure import Drift, candidates, find_closures, within_gate
-from elfslam.stages.feature import load_encoder
 from elfslam.stages.graph import build_graph, optimise
 from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.kinds import PEOPLE, Kind
-from studies.cached import extract_echoes, extract_features
+from studies.cached import (
+    SimulatedWalk,
+    extract_echoes,
+    extract_features,
+    record_of,
+    shipped,
+    simulated,
+)
 from studies.curation import CurationParameters, curated_closures, pairs_on_lines
 from studies.mapping import MEDIAN_ALIGNED
-from studies.repeats import finished
-from studies.results import Record, averaged
-from studies.simulated_walk import SimulatedWalk, simulated
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.results import Record
+from studies.study import Study, StudyContext, per_walk
 
 WORLDS = ("living_room", "office", "mall")
 SEEDS = tuple(range(5))
@@ -47,8 +51,7 @@ def measure_closures(
     Maps are made of what a strategy ends with: by the graph that may reject closures, and by plain
     least squares, which accepts all.
     """
-    tasks = [SimulatedWalk(world, seed, rounds, kind.name) for world in worlds for seed in seeds]
-    return averaged(finished(_measured, tasks, context), seeds)
+    return per_walk(_measured, context, worlds, seeds, rounds, kind)
 
 
 def _measured(walk: SimulatedWalk) -> list[Record]:
@@ -56,14 +59,13 @@ def _measured(walk: SimulatedWalk) -> list[Record]:
     settings = Settings()
     echoes = extract_echoes(recording, settings)
     nodes = apply_acoustic_scale(dead_reckoning_nodes(recording, settings), echoes, settings)
-    features = extract_features(echoes, load_encoder("compact"))
+    features = extract_features(echoes, shipped())
     similarity = echo_sequence_similarity(features, nodes)
-    of = Record("", "", 0.0, world=walk.world, scenario=SCENARIOS[walk.kind])
     found: list[Record] = []
     for strategy, step, closures, last in _steps(similarity, nodes, settings):
-        found += _scored(replace(of, method=strategy, condition=step), closures, nodes, truth)
+        found += _scored(record_of(walk, strategy, step), closures, nodes, truth)
         if last:
-            accepted = replace(of, method=strategy, condition=ACCEPTED)
+            accepted = record_of(walk, strategy, ACCEPTED)
             found += _mapped(accepted, closures, nodes, truth, settings)
     return found
 
@@ -89,7 +91,7 @@ def _steps(
 def _scored(of: Record, closures: Closures, nodes: Odometry, truth: Truth) -> list[Record]:
     score = score_closures(closures, nodes.t_s, truth)
     numbers = {"pairs": score.count, "precision": score.precision, "recall": score.recall}
-    return [replace(of, metric=metric, value=float(value)) for metric, value in numbers.items()]
+    return of.each(numbers)
 
 
 def _mapped(

@@ -10,25 +10,19 @@ import numpy as np
 from scipy import signal
 
 from elfslam.base.arrays import F32, F64, I64, Bool
-from elfslam.base.values import (
-    DISCARDED_SAMPLES,
-    ECHO_RATE_HZ,
-    ECHO_SAMPLES,
-    Fixes,
-    FixStatus,
-)
+from elfslam.base.values import DISCARDED_SAMPLES, ECHO_RATE_HZ, ECHO_SAMPLES, Fixes, FixStatus
 from elfslam.scoring.errors import fix_distances
 from elfslam.stages.echo import EchoParameters, Frames, echoes_of, find_frames
-from elfslam.stages.feature import Encoder, extract_features, load_encoder
+from elfslam.stages.feature import extract_features
 from elfslam.stages.locate import LocateParameters, elf_payload, fixes_of, likeness
 from elfslam.stages.medium_access import MediumAccessParameters, spoiled_frames
 from elfslam.world.kinds import QUIET
 from elfslam.world.simulate import load_world
+from studies.cached import SCENARIOS, shipped
 from studies.crowd import Crowd, Overheard, alone, crowd_in, overhear
 from studies.located import MAPPING_ROUNDS, Mapped, mapped_walk, world_from_map
-from studies.repeats import finished
 from studies.results import Record, averaged
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.study import Study, StudyContext, finished
 
 PLACES = ("living_room",)
 SEEDS = tuple(range(4))
@@ -112,13 +106,8 @@ def _rounds(task: Task) -> int:
 
 
 @cache
-def _encoder() -> Encoder:
-    return load_encoder("compact")
-
-
-@cache
 def _mapped(world: str, seed: int, rounds: int) -> Mapped:
-    return mapped_walk(load_world(world), seed, rounds, _encoder())
+    return mapped_walk(load_world(world), seed, rounds)
 
 
 def _of_phone(
@@ -172,7 +161,7 @@ def _fixes(frames: Frames, dropped: Bool, mapped: Mapped) -> Fixes | None:
     groups = together(echoes.t_s, known)
     if not groups:
         return None
-    features = extract_features(echoes, _encoder())
+    features = extract_features(echoes, shipped())
     payload = elf_payload(floor_map, features.encoder, features.vectors.shape[1])
     means = np.stack([features.vectors[rows].mean(axis=0) for rows in groups])
     t_s = np.array([echoes.t_s[rows].mean() for rows in groups])

@@ -90,9 +90,7 @@ class Crowd:
     reach: Reach
 
 
-def crowd_in(
-    world: World, count: int, seed: int, *, rounds: int = 1, rate_hz: int = 44_100
-) -> Crowd:
+def crowd_in(world: World, count: int, seed: int, *, rounds: int = 1) -> Crowd:
     """People who walk the world's route from anywhere on it, each at their own pace.
 
     Their phones are of one model. The first ones are the same however many follow.
@@ -102,7 +100,7 @@ def crowd_in(
     )
     return Crowd(
         world, phones, scene_of(room_on(world, Circumstances())), air_on(world, 0),
-        make_chirp(ChirpParameters(), rate_hz), Reach(),
+        make_chirp(ChirpParameters(), ECHO_RATE_HZ), Reach(),
     )  # fmt: skip
 
 

@@ -95,7 +95,7 @@ def measure_dead_reckoning(
     drawn = seeds_text(range(FIRST_SEED, FIRST_SEED + seeds))
     for world, rate_hz, some in simulated_walks(worlds, seeds):
         simulated += some
-        of = Record(TRUE_LEG, "", 0.0, world=world, condition=f"{rate_hz} Hz", seeds=drawn)
+        of = Record(TRUE_LEG, world=world, condition=f"{rate_hz} Hz", seeds=drawn)
         records += _summed_up(of, _scored(some, TRUE_LEG))
         records += _summed_up(replace(of, method=LENGTH_KNOWN), _calibrated(some))
     context.announce("mall walks", 0.6)
@@ -103,8 +103,8 @@ def measure_dead_reckoning(
     context.announce("uncertainty", 0.9)
     for name, some in floors.items():
         records += _error_sources(name, some)
-        records += _consistency(Record(DEAD_RECKONING, "", 0.0, world=name), some, WAYPOINT_SIGMA_M)
-    of = Record(DEAD_RECKONING, "", 0.0, world="simulated", seeds=drawn)
+        records += _consistency(Record(DEAD_RECKONING, world=name), some, WAYPOINT_SIGMA_M)
+    of = Record(DEAD_RECKONING, world="simulated", seeds=drawn)
     return [*records, *_consistency(of, simulated, 0.0)]
 
 
@@ -130,8 +130,8 @@ def _by_floor(
     for floor, walks in floors.items():
         scored = score(walks)
         together += scored
-        yield from _summed_up(Record(heading, "", 0.0, world=floor, condition=sensors), scored)
-    yield from _summed_up(Record(heading, "", 0.0, world="mall", condition=sensors), together)
+        yield from _summed_up(Record(heading, world=floor, condition=sensors), scored)
+    yield from _summed_up(Record(heading, world="mall", condition=sensors), together)
 
 
 def _summed_up(of: Record, scored: Sequence[Scored]) -> Iterator[Record]:
@@ -139,12 +139,11 @@ def _summed_up(of: Record, scored: Sequence[Scored]) -> Iterator[Record]:
     low, high = interval(ends, lambda values: float(np.median(values)), np.random.default_rng(0))
     middle = float(np.median(np.concatenate(ends)))
     yield replace(of, metric="end error (%)", value=middle, low=low, high=high)
-    for metric, value in {
+    yield from of.each({
         "RMSE, aligned (m)": np.median([one.rmse_m for one in scored]),
         "step scale": np.median([one.scale for one in scored]),
         "spread of the step scale": np.std([one.scale for one in scored]),
-    }.items():
-        yield replace(of, metric=metric, value=float(value))
+    })  # fmt: skip
 
 
 def _scored(walks: Sequence[ReckonedWalk], heading: str) -> list[Scored]:
@@ -301,8 +300,7 @@ def _consistency(
                 f"within one sigma, {way}": float(np.mean(within < 1)),
                 f"within two sigma, {way}": float(np.mean(within < 2)),
             }
-        for metric, value in numbers.items():
-            yield replace(of, metric=metric, value=value, condition=f"{distance_m:g} m")
+        yield from replace(of, condition=f"{distance_m:g} m").each(numbers)
 
 
 def _rms(values: F64) -> float:

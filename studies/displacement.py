@@ -18,9 +18,8 @@ from elfslam.base.arrays import F32, Bool
 from elfslam.stages.feature import Encoder
 from studies.plain_features import compared_encoders
 from studies.real_rooms import own
-from studies.realism import Place, echoes_of, measured_places, places_along
+from studies.realism import Place, contrast, echoes_of, measured_places, places_along
 from studies.results import Record
-from studies.room_statistics import contrast
 from studies.study import Study, StudyContext
 
 WORLDS = ("living_room", "office", "mall")
@@ -50,10 +49,10 @@ def measure_displacement(
     records: list[Record] = []
     for k, world in enumerate(worlds):
         context.announce(world.replace("_", " "), k / len(worlds))
-        of = Record("", "", 0.0, world=world, scenario="controlled", seeds="0")
+        of = Record("", world=world, scenario="controlled", seeds="0")
         records += _records(of, places_along(world, "diffuse", places, MOVED_M), compared)
     for place in [] if context.data is None else measured_places(context.data / "rirs"):
-        of = Record("", "", 0.0, world=f"measured room, {place.name}")
+        of = Record("", world=f"measured room, {place.name}")
         records += _records(of, place, compared)
     return records
 

@@ -56,11 +56,8 @@ def measure_fidelity(context: StudyContext, *, rooms: int = ROOMS) -> list[Recor
             for seed in range(rooms):
                 context.announce(f"{kind}, {lobe}", seed / rooms)
                 found.append(compare_room(draw, directivity, seed))
-            records += [
-                Record(OURS, metric, value, world=kind, condition=lobe,
-                       seeds=seeds_text(range(rooms)))
-                for metric, value in _summary(found).items()
-            ]  # fmt: skip
+            of = Record(OURS, world=kind, condition=lobe, seeds=seeds_text(range(rooms)))
+            records += of.each(_summary(found))
     return records
 
 

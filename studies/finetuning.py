@@ -17,11 +17,10 @@ from elfslam.slam.pipeline import map_by_echoes
 from elfslam.stages.closure import ClosureParameters
 from elfslam.stages.feature import Encoder, load_encoder
 from elfslam.world.kinds import SURVEYOR, Kind
-from studies.elf import labelled_pairs
+from studies.cached import SCENARIOS, SimulatedWalk, simulated
+from studies.elf import histograms, labelled_pairs, separation_records
 from studies.results import Record, mean_of, seeds_text
-from studies.separation import histograms, separation_records
-from studies.simulated_walk import SimulatedWalk, simulated
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.study import Study, StudyContext
 
 WORLDS = ("studio", "lounge")
 """For development: those of evaluation stay unseen."""
@@ -67,7 +66,7 @@ def measure_finetuning(
             context.announce(f"{world}, walk {seed}", (place + k / len(seeds)) / len(worlds))
             walk = SimulatedWalk(world, seed, rounds, kind.name)
             _measure_walk(walk, pretrained, known, collected)
-        of = Record("", "", 0.0, world=world, scenario=SCENARIOS[kind.name],
+        of = Record("", world=world, scenario=SCENARIOS[kind.name],
                     seeds=seeds_text(seeds))  # fmt: skip
         for name, walks in collected.items():
             records += _records(replace(of, method=name), walks)

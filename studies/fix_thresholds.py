@@ -16,7 +16,8 @@ from elfslam.base.enums import Mode
 from elfslam.base.values import FixStatus
 from elfslam.world.kinds import KINDS, kind_named
 from elfslam.world.simulate import load_world
-from studies.localization import ANSWERED_ELSEWHERE, ELSEWHERE, ROUNDS, shipped
+from studies.cached import SimulatedWalk, record_of
+from studies.localization import ANSWERED_ELSEWHERE, ELSEWHERE, ROUNDS
 from studies.located import (
     MAPPING_ROUNDS,
     MEDIAN_M,
@@ -26,10 +27,8 @@ from studies.located import (
     mapped_walk,
     stranger,
 )
-from studies.repeats import finished
 from studies.results import Record, averaged
-from studies.simulated_walk import SimulatedWalk
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.study import Study, StudyContext, finished
 
 WORLDS = ("studio", "lounge", "concourse")
 SEEDS = (100, 101, 102)
@@ -56,10 +55,10 @@ def measure_fix_thresholds(
 
 def _measured(walk: SimulatedWalk) -> list[Record]:
     world, kind = load_world(walk.world), kind_named(walk.kind)
-    mapped = mapped_walk(world, walk.seed, walk.rounds, shipped(), kind=kind)
-    other = stranger(world, walk.seed, ROUNDS, shipped(), kind=kind)
+    mapped = mapped_walk(world, walk.seed, walk.rounds, kind=kind)
+    other = stranger(world, walk.seed, ROUNDS, kind=kind)
     strange = load_world(ELSEWHERE.get(walk.world, "studio"))
-    lost = stranger(strange, walk.seed, 1, shipped(), kind=kind)
+    lost = stranger(strange, walk.seed, 1, kind=kind)
     records: list[Record] = []
     for mode in Mode:
         for least in UNKNOWN_BELOW:
@@ -69,11 +68,7 @@ def _measured(walk: SimulatedWalk) -> list[Record]:
             wrongly = located(mapped, lost, mode, settings).status == FixStatus.OK
             numbers = {metric: found[metric] for metric in METRICS}
             numbers[ANSWERED_ELSEWHERE] = float(np.mean(wrongly))
-            records += [
-                Record(mode.value, metric, value, world=walk.world, scenario=SCENARIOS[walk.kind],
-                       condition=f"{least:g}")
-                for metric, value in numbers.items()
-            ]  # fmt: skip
+            records += record_of(walk, mode.value, f"{least:g}").each(numbers)
     return records
 
 

@@ -14,7 +14,6 @@ from elfslam.base.geometry import interpolate_poses
 from elfslam.base.grid import FloorGrid, drawn_grid
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
-from elfslam.stages.feature import load_encoder
 from elfslam.stages.floor_plan_alignment import (
     AMBIGUOUS,
     NOWHERE,
@@ -28,11 +27,10 @@ from elfslam.stages.floor_plan_alignment import (
 from elfslam.world.kinds import PEOPLE, Kind
 from elfslam.world.room import HEAD_M, Room
 from elfslam.world.simulate import load_world
+from studies.cached import SimulatedWalk, record_of, shipped, simulated
 from studies.magnetic_walks import median_of
-from studies.repeats import finished
 from studies.results import Record, averaged, seeds_text
-from studies.simulated_walk import SimulatedWalk, simulated
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.study import Study, StudyContext, finished
 
 WORLDS: Mapping[str, int] = {"studio": 10, "lounge": 10, "concourse": 4}
 """Walks in each, for development: the worlds of evaluation stay unseen."""
@@ -93,7 +91,7 @@ def plan_of(room: Room, *, furnished: bool) -> FloorGrid:
 def mapped(walk: SimulatedWalk) -> Mapped:
     """The walk as its echoes map it, from an origin of its own."""
     recording, truth = simulated(walk)
-    trajectory = map_by_echoes(recording, load_encoder("compact"), Parameters()).trajectory
+    trajectory = map_by_echoes(recording, shipped(), Parameters()).trajectory
     true = interpolate_poses(truth.t_s, truth.world_from_body, trajectory.t_s)
     return Mapped(trajectory.world_from_body[:, :2], true[:, :2])
 
@@ -106,11 +104,7 @@ def _measured(walk: SimulatedWalk, parameters: AnchoringParameters) -> list[Reco
             outcome = _outcome(made, placement, lost=plan == ELSEWHERE)
         except NoAnswerError:  # far larger than the plan
             outcome = {RIGHT: 0.0, WRONG: 0.0, UNSURE: 0.0, REFUSED: 1.0}
-        found += [
-            Record("placement", metric, value, world=walk.world,
-                   scenario=SCENARIOS[walk.kind], condition=plan)
-            for metric, value in outcome.items()
-        ]  # fmt: skip
+        found += record_of(walk, "placement", plan).each(outcome)
     return found
 
 

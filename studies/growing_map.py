@@ -19,10 +19,10 @@ from elfslam.scoring.alignment import Alignment, match, place, placement
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.stages.feature import Encoder, SpectralEncoder, load_encoder
 from elfslam.world.simulate import load_world
-from studies.cached import extract_echoes, extract_features, simulate
-from studies.page_motion import in_node, readings
+from studies.cached import SCENARIOS, extract_echoes, extract_features, simulate
+from studies.live_footsteps import in_node, readings
 from studies.results import Record, seeds_text
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.study import Study, StudyContext
 
 WORLDS = {"studio": 3, "lounge": 3, "concourse": 2}
 """By world the rounds of a walk."""

@@ -23,7 +23,6 @@ from elfslam.app.settings import Settings, sense_of
 from elfslam.app.workers import open_workers
 from elfslam.base.enums import Modality, Mode
 from elfslam.slam.pipeline import map_by
-from elfslam.stages.feature import load_encoder
 from elfslam.world.kinds import PEOPLE, SURVEYOR, Kind, kind_named
 from elfslam.world.simulate import load_world
 from studies.catalogue import STUDIES, Choice, stale_studies
@@ -37,9 +36,8 @@ from studies.located import (
     stranger,
 )
 from studies.mapping import CALIBRATED, MEDIAN_ALIGNED, trajectory_errors, walkers
-from studies.repeats import finished
 from studies.results import Record
-from studies.study import StudyContext
+from studies.study import StudyContext, finished
 
 SLACK = 1.5
 """A limit is the expected figure times this: a figure twice as bad is above it."""
@@ -108,14 +106,14 @@ def measure_headline(
 
 def median_errors(task: Task) -> list[Record]:
     """Median errors (m) of one walk, aligned: its dead reckoning, its map, and who is in it."""
-    world, encoder, kind = load_world(task.world), load_encoder("compact"), kind_named(task.kind)
-    mapped = mapped_walk(world, task.seed, task.rounds, encoder, kind=kind)
+    world, kind = load_world(task.world), kind_named(task.kind)
+    mapped = mapped_walk(world, task.seed, task.rounds, kind=kind)
     numbers = {
         RECKONED: reckoned_m(mapped, task.seed, kind),
         MAPPED: trajectory_errors(mapped.run.trajectory, mapped.truth)[MEDIAN_ALIGNED],
     }
     if task.modes:
-        other = stranger(world, task.seed, STRANGER_ROUNDS, encoder, kind=kind)
+        other = stranger(world, task.seed, STRANGER_ROUNDS, kind=kind)
         for mode in task.modes:
             fixes = located(mapped, other, mode, Settings())
             found = fix_numbers(fixes, other.truth, mapped.run.trajectory, mapped.truth)

@@ -25,6 +25,7 @@ from elfslam.base.values import Payload
 from elfslam.stages.feature import Encoder
 from elfslam.stages.locate import likeness
 from elfslam.world.kinds import PEOPLE, QUIET, Kind
+from studies.cached import SCENARIOS, record_of
 from studies.elf import ELSEWHERE_M, SAME_RAD
 from studies.lap_echoes import (
     CHANGES,
@@ -41,9 +42,8 @@ from studies.lap_echoes import (
 )
 from studies.located import GROSS_M, MEDIAN_M, OVER_1_M
 from studies.plain_features import ChanceEncoder, compared_encoders
-from studies.repeats import finished
 from studies.results import Record, averaged
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.study import Study, StudyContext, finished
 
 WORLDS = ("living_room", "office", "mall")
 MIRRORED = ("living_room",)
@@ -220,11 +220,7 @@ def measure_crowd(
             best = best_answers(found.answers[:count])
             numbers = numbers_of(best, thresholds[crowd.kind][name])
             numbers |= _recalls(found) if count == FEW else {}
-            records += [
-                Record(name, metric, value, world=crowd.world, scenario=SCENARIOS[crowd.kind],
-                       condition=condition_of(crowd, count))
-                for metric, value in numbers.items()
-            ]  # fmt: skip
+            records += record_of(crowd, name, condition_of(crowd, count)).each(numbers)
     return records
 
 

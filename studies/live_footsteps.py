@@ -7,21 +7,27 @@ one is when it is given out.
 
 from __future__ import annotations
 
+import json
+import shutil
+import subprocess
+import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from elfslam.base.arrays import F64
+from elfslam.base.errors import InputError
 from elfslam.base.geometry import between
 from elfslam.base.values import Imu, Odometry
 from elfslam.stages.motion import MotionParameters, dead_reckon
 from elfslam.world.device import BROWSER
 from elfslam.world.world_file import load_world
-from studies.cached import simulate
-from studies.page_motion import in_node, readings
+from studies.cached import SCENARIOS, simulate
 from studies.results import Record, seeds_text
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.study import Study, StudyContext
 
 WORLDS, SEEDS, ROUNDS = ("studio", "lounge", "concourse"), (100, 101), 2
 DELAYS_S = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 1.0, 2.0)
@@ -56,11 +62,10 @@ def measure_live_footsteps(
     for delay_s in delays_s:
         tried = replace(usual, live_delay_s=delay_s)
         walks = [apart(imu, whole, tried) for imu, whole in zip(imus, wholes, strict=True)]
-        for metric, value in numbers(walks).items():
-            yield Record(
-                "live footsteps", metric, value, condition=f"{delay_s:g} s",
-                scenario=SCENARIOS["quiet"], seeds=seeds_text(seeds),
-            )  # fmt: skip
+        yield from Record(
+            "live footsteps", condition=f"{delay_s:g} s", scenario=SCENARIOS["quiet"],
+            seeds=seeds_text(seeds),
+        ).each(numbers(walks))  # fmt: skip
 
 
 def walked(world: str, seed: int) -> Imu:
@@ -115,6 +120,30 @@ def numbers(walks: Sequence[Apart]) -> dict[str, float]:
         "age when given, median (s)": float(np.median(all_of("late_s"))),
         "age when given, 95 % (s)": float(np.quantile(all_of("late_s"), 0.95)),
     }
+
+
+# --- the page's modules in node ---
+
+
+SCRIPT = Path(__file__).with_suffix(".mjs")
+
+
+def in_node(verb: str, given: dict[str, Any]) -> Any:
+    """What a verb of page_motion.mjs says. Raises InputError where node is not installed."""
+    if shutil.which("node") is None:
+        raise InputError("node is missing; the page's modules run in it (Debian: nodejs)")
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "given.json"
+        file.write_text(json.dumps(given))
+        command = ["node", str(SCRIPT), verb, str(file)]
+        done = subprocess.run(command, check=True, stdout=subprocess.PIPE)
+    return json.loads(done.stdout)
+
+
+def readings(imu: Imu) -> dict[str, list[float]]:
+    """Motion as the page holds it."""
+    rows = {"tS": imu.t_s, "accelMps2": imu.accel_mps2, "gyroRadps": imu.gyro_radps}
+    return {name: values.ravel().tolist() for name, values in rows.items()}
 
 
 STUDY = Study(

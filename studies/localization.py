@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 
@@ -28,12 +27,12 @@ from elfslam.baselines.rival_maps import (
     wifi_spot_scores,
 )
 from elfslam.slam.pipeline import map_by
-from elfslam.stages.feature import Encoder, load_encoder
 from elfslam.stages.locate import fixes_of
 from elfslam.stages.segments import locate_by_segments
 from elfslam.world.kinds import PEOPLE, QUIET, Kind, kind_named
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world
+from studies.cached import extract_features, record_of
 from studies.located import (
     MAPPING_ROUNDS,
     MEDIAN_M,
@@ -41,14 +40,14 @@ from studies.located import (
     Stranger,
     fix_numbers,
     located,
+    located_in,
     mapped_walk,
     stranger,
 )
 from studies.mapping import CALIBRATED, walkers
-from studies.plain_features import ELF, feature_maps
-from studies.repeats import finished
+from studies.plain_features import ELF, feature_maps, tracking_by
 from studies.results import Record, averaged
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.study import Study, StudyContext, finished
 
 WORLDS = ("living_room", "office", "mall")
 SEEDS = tuple(range(10))
@@ -125,45 +124,45 @@ def paper_m(record: Record) -> float | None:
 
 
 def _measured(pair: Pair) -> list[Record]:
-    world, encoder, kind = load_world(pair.world), shipped(), kind_named(pair.kind)
-    mapped = mapped_walk(world, pair.seed, pair.mapping_rounds, encoder, sensors=SENSORS, kind=kind)
-    other = stranger(world, pair.seed, pair.rounds, encoder, sensors=SENSORS, kind=kind)
+    world, kind = load_world(pair.world), kind_named(pair.kind)
+    mapped = mapped_walk(world, pair.seed, pair.mapping_rounds, sensors=SENSORS, kind=kind)
+    other = stranger(world, pair.seed, pair.rounds, sensors=SENSORS, kind=kind)
     strange = load_world(ELSEWHERE.get(pair.world, "studio"))
-    lost = stranger(strange, pair.seed, 1, encoder, kind=kind)
+    lost = stranger(strange, pair.seed, 1, kind=kind)
     records: list[Record] = []
-
-    def told(method: str, way: str, numbers: Mapping[str, float]) -> None:
-        records.extend(
-            Record(method, metric, value, world=pair.world, scenario=SCENARIOS[pair.kind],
-                   condition=way)
-            for metric, value in numbers.items()
-        )  # fmt: skip
-
     for mode in Mode:
-        way = mode.value
-        fixes = located(mapped, other, mode, Settings())
-        told(ELF, way, fix_numbers(fixes, other.truth, mapped.run.trajectory, mapped.truth))
         wrongly = located(mapped, lost, mode, Settings()).status == FixStatus.OK
-        told(ELF, way, {ANSWERED_ELSEWHERE: float(np.mean(wrongly))})
-    for method, way, fixes, run in (
-        *_always(pair, mapped, other),
-        *_baselines(pair, mapped, other),
-    ):
-        told(method, way, fix_numbers(fixes, other.truth, run.trajectory, mapped.truth))
+        numbers = {ANSWERED_ELSEWHERE: float(np.mean(wrongly))}
+        records += record_of(pair, ELF, mode.value).each(numbers)
+    ways = (*_by_echoes(mapped, other), *_by_features(pair, mapped, other),
+            *_baselines(pair, mapped, other))  # fmt: skip
+    for method, way, fixes, run in ways:
+        numbers = fix_numbers(fixes, other.truth, run.trajectory, mapped.truth)
+        records += record_of(pair, method, way).each(numbers)
     return records
 
 
-def _always(pair: Pair, mapped: Mapped, other: Stranger) -> Iterator[tuple[str, str, Fixes, Run]]:
-    """Each feature in a map of its own making; every window is where the most similar spot is."""
+def _by_echoes(mapped: Mapped, other: Stranger) -> Iterator[tuple[str, str, Fixes, Run]]:
+    """As the pipeline locates, in each mode."""
+    for mode in Mode:
+        yield ELF, mode.value, located(mapped, other, mode, Settings()), mapped.run
+
+
+def _by_features(
+    pair: Pair, mapped: Mapped, other: Stranger
+) -> Iterator[tuple[str, str, Fixes, Run]]:
+    """Each feature in a map of its own making: every window is where the most similar spot is.
+
+    Hand-made ones go through the particle filter too, which answers every footstep.
+    """
     settings = walkers(pair.seed, kind_named(pair.kind))[CALIBRATED]
     for feature, own in feature_maps(mapped.recording, mapped.run, settings).items():
         yield ALWAYS_ANSWERED.format(feature), ONE_SHOT, own.asked(other.echoes), own.run
-
-
-@cache
-def shipped() -> Encoder:
-    """The encoder that comes with the package."""
-    return load_encoder("compact")
+        if feature != ELF:
+            assert own.run.floor_map is not None
+            heard = replace(other, features=extract_features(other.echoes, own.encoder))
+            known = replace(Settings(), track=tracking_by(feature, Settings()))
+            yield feature, TRACK, located_in(own.run.floor_map, heard, Mode.TRACK, known), own.run
 
 
 def _baselines(

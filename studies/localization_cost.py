@@ -14,7 +14,8 @@ from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, FloorMap, Odometry, Payl
 from elfslam.stages.locate import fixes_of, likeness
 from elfslam.stages.segments import locate_by_segments
 from elfslam.stages.track import Tracker
-from studies.localization import ONE_SHOT, TRACK, TRAJECTORY, shipped
+from studies.cached import shipped
+from studies.localization import ONE_SHOT, TRACK, TRAJECTORY
 from studies.results import Record
 from studies.study import Study, StudyContext
 

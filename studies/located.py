@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,15 +27,20 @@ from elfslam.scoring.alignment import Alignment, match, placement
 from elfslam.scoring.errors import fix_distances, summarise
 from elfslam.slam.front_end import dead_reckoning_nodes
 from elfslam.slam.pipeline import footstep_likeness, locate_walk, map_by_echoes
-from elfslam.stages.feature import Encoder
 from elfslam.stages.locate import locate_one_shot
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.kinds import QUIET, Kind
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import World
-from studies.cached import extract_echoes, extract_features, simulate
+from studies.cached import (
+    at_its_start,
+    extract_echoes,
+    extract_features,
+    shipped,
+    simulate,
+    simulated_in,
+)
 from studies.mapping import CALIBRATED, walkers
-from studies.simulated_walk import simulated_in
 
 MAPPING_ROUNDS = 4
 STRANGER = 1000
@@ -69,7 +74,6 @@ def mapped_walk(
     world: World,
     seed: int,
     rounds: int,
-    encoder: Encoder,
     *,
     sensors: Collection[Sensor] = (),
     kind: Kind = QUIET,
@@ -77,21 +81,14 @@ def mapped_walk(
     """A walk by someone whose steps are known, from a known start, mapped by echoes."""
     recording, truth = simulated_in(world, seed, rounds, kind, sensors=sensors)
     recording = at_its_start(recording, truth)
-    run = map_by_echoes(recording, encoder, walkers(seed, kind)[CALIBRATED])
+    run = map_by_echoes(recording, shipped(), walkers(seed, kind)[CALIBRATED])
     return Mapped(recording, run, truth)
-
-
-def at_its_start(recording: Recording, truth: Truth) -> Recording:
-    """The recording of someone who said where the walk begins."""
-    x_m, y_m, heading_rad = truth.world_from_body[0].tolist()
-    return replace(recording, start_pose=(x_m, y_m, heading_rad))
 
 
 def stranger(
     world: World,
     seed: int,
     rounds: int,
-    encoder: Encoder,
     *,
     sensors: Collection[Sensor] = (),
     circumstances: Circumstances | None = None,
@@ -111,7 +108,7 @@ def stranger(
         circumstances=today, reverse=reverse,
     )  # fmt: skip
     echoes = extract_echoes(recording, Settings())
-    features = extract_features(echoes, encoder)
+    features = extract_features(echoes, shipped())
     return Stranger(recording, dead_reckoning_nodes(recording, Settings()), echoes, features, truth)
 
 

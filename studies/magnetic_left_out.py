@@ -22,7 +22,6 @@ from elfslam.data.magnetic import drifted_odometry, read_magnetic
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world
 from studies.cached import simulate
-from studies.magnetic_offsets import AlignmentParameters
 from studies.magnetic_walks import (
     CLOSURES,
     PAPER_RMSE_M,
@@ -30,15 +29,15 @@ from studies.magnetic_walks import (
     RECKONED,
     RMSE,
     SEEDS,
+    AlignmentParameters,
     Seen,
     mapped,
     median_of,
     rmse_m,
     see,
 )
-from studies.repeats import finished
 from studies.results import Record, seeds_text
-from studies.study import Study, StudyContext
+from studies.study import Study, StudyContext, finished
 
 HALL, HALL_SEED = "concourse", 100
 """A simulated walk of two laps, 238 m, through the field of a hall."""

@@ -42,9 +42,8 @@ from studies.mall_floor import (
     surveyed_walks,
     use_of,
 )
-from studies.repeats import finished
 from studies.results import Record
-from studies.study import Study, StudyContext
+from studies.study import Study, StudyContext, finished
 
 SPLITS = 5
 MAPPED_BY = (Modality.WIFI, Modality.MAGNETIC)
@@ -96,12 +95,10 @@ def fifths_records(floor: str, method: str, errors: Sequence[F64]) -> Iterator[R
     answered = [each[np.isfinite(each)] for each in errors]
     yield from error_records(floor, method, answered)
     waypoints = sum(map(len, errors))
-    numbers = {
+    yield from Record(method, world=floor, condition=use_of(floor)).each({
         "answered": sum(map(len, answered)) / waypoints, "walks": len(errors),
         "waypoints": waypoints,
-    }  # fmt: skip
-    for metric, value in numbers.items():
-        yield Record(method, metric, float(value), world=floor, condition=use_of(floor))
+    })  # fmt: skip
 
 
 def located_walks(archive: Path, most: int | None) -> list[SurveyedWalk]:

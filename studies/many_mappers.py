@@ -17,23 +17,14 @@ from elfslam.slam.pipeline import map_by_echoes
 from elfslam.stages.locate import locate_one_shot
 from elfslam.world.kinds import PEOPLE, Kind, kind_named
 from elfslam.world.simulate import load_world
-from studies.cached import extract_features
-from studies.localization import (
-    ALWAYS_ANSWERED,
-    ANSWERED_ELSEWHERE,
-    ELSEWHERE,
-    ROUNDS,
-    WORLDS,
-    shipped,
-)
-from studies.located import Stranger, at_its_start, fix_numbers, located_in, stranger
+from studies.cached import at_its_start, extract_features, record_of, shipped, simulated_in
+from studies.localization import ALWAYS_ANSWERED, ANSWERED_ELSEWHERE, ELSEWHERE, ROUNDS, WORLDS
+from studies.located import Stranger, fix_numbers, located_in, stranger
 from studies.mapping import CALIBRATED, MEDIAN_ALIGNED, walkers
-from studies.merged_walks import MAP, WALKS, one_after_another
+from studies.merging import MAP, WALKS, one_after_another
 from studies.plain_features import ALWAYS, ELF, compared_encoders
-from studies.repeats import finished
 from studies.results import Record, averaged
-from studies.simulated_walk import simulated_in
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.study import Study, StudyContext, finished
 from studies.taps import tapped
 
 SEEDS = tuple(range(10))
@@ -108,11 +99,9 @@ def _measured(crowd: Crowd) -> list[Record]:
     records = [each for count, made in maps.items() for each in _map_records(crowd, count, made)]
     asked: list[list[Record]] = []
     for seed in crowd.seeds:
-        lost = stranger(elsewhere, seed, 1, shipped(), kind=kind)
+        lost = stranger(elsewhere, seed, 1, kind=kind)
         for way in WAYS:
-            other = stranger(
-                world, seed, ROUNDS, shipped(), kind=kind, on_mapped_way=way == MAPPED_WAY
-            )
+            other = stranger(world, seed, ROUNDS, kind=kind, on_mapped_way=way == MAPPED_WAY)
             asked.append(
                 [
                     _record(crowd, f"{_condition(crowd, count)}, {way}", *found)
@@ -134,10 +123,7 @@ def _map_records(crowd: Crowd, count: int, made: Map) -> Iterator[Record]:
 
 
 def _record(crowd: Crowd, condition: str, method: str, metric: str, value: float) -> Record:
-    return Record(
-        method, metric, value, world=crowd.world, scenario=SCENARIOS[crowd.kind],
-        condition=condition,
-    )  # fmt: skip
+    return replace(record_of(crowd, method, condition), metric=metric, value=value)
 
 
 def _condition(crowd: Crowd, count: int) -> str:

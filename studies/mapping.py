@@ -6,13 +6,13 @@ Beside the ELF stand plain features, which need no training, each with a thresho
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from elfslam.app.settings import Settings, sense_of
-from elfslam.base.arrays import Bool
+from elfslam.base.arrays import F64, Bool
 from elfslam.base.enums import Modality
 from elfslam.base.geometry import path_length_m
 from elfslam.base.values import (
@@ -27,7 +27,14 @@ from elfslam.base.values import (
     Truth,
 )
 from elfslam.learn.parameters import ScratchParameters
-from elfslam.scoring.alignment import AS_DECLARED, Alignment, match, placement
+from elfslam.scoring.alignment import (
+    AS_DECLARED,
+    Alignment,
+    SimilarityTransform,
+    match,
+    place,
+    placement,
+)
 from elfslam.scoring.errors import placed_errors, score_closures, summarise
 from elfslam.slam.front_end import apply_acoustic_scale, dead_reckoning_nodes
 from elfslam.slam.pipeline import closures_by
@@ -38,14 +45,19 @@ from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.kinds import PEOPLE, QUIET, Kind, kind_named
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world
-from studies.cached import extract_echoes, extract_features, simulate
-from studies.coverage import trajectory_coverage
+from studies.cached import (
+    SimulatedWalk,
+    at_its_start,
+    extract_echoes,
+    extract_features,
+    record_of,
+    simulate,
+    simulated,
+)
 from studies.curation import CurationParameters, curated_closures
 from studies.plain_features import CLOSURE_THRESHOLDS, ELF, closing_by, compared_encoders
-from studies.repeats import finished
-from studies.results import Record, averaged, seeds_text
-from studies.simulated_walk import SimulatedWalk, simulated
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.results import Record, seeds_text
+from studies.study import Study, StudyContext, per_walk
 
 WORLDS = ("living_room", "office", "mall")
 SEEDS = tuple(range(10))
@@ -94,9 +106,8 @@ def measure_mapping(
     scratch: ScratchParameters | None = None,
 ) -> list[Record]:
     """Errors of every method for walkers calibrated and not (the condition)."""
-    tasks = [SimulatedWalk(world, seed, rounds, kind.name) for world in worlds for seed in seeds]
     measure = partial(_measured, scratch=scratch or ScratchParameters(threads=1))
-    walks = averaged(finished(measure, tasks, context), seeds)
+    walks = per_walk(measure, context, worlds, seeds, rounds, kind)
     curated = seeds_text([seed for seed in seeds if seed < CURATED_SEEDS])
     return [
         replace(each, paper=_paper_m(each), seeds=curated if PAPERS in each.method else each.seeds)
@@ -107,8 +118,7 @@ def measure_mapping(
 def _measured(walk: SimulatedWalk, scratch: ScratchParameters) -> list[Record]:
     kind = kind_named(walk.kind)
     recording, truth = simulated(walk, sensors=SENSORS)
-    x_m, y_m, heading_rad = truth.world_from_body[0].tolist()
-    recording = replace(recording, start_pose=(x_m, y_m, heading_rad))
+    recording = at_its_start(recording, truth)
     echoes = extract_echoes(recording, Settings())
     features = _features(echoes, walk.seed, scratch)
     found: list[Record] = []
@@ -122,11 +132,7 @@ def _measured(walk: SimulatedWalk, scratch: ScratchParameters) -> list[Record]:
                 **trajectory_errors(trajectory, truth),
                 **_evidence(closures, trajectory, truth),
             }
-            found += [
-                Record(method, metric, value, world=walk.world,
-                       scenario=SCENARIOS[walk.kind], condition=walker)
-                for metric, value in numbers.items()
-            ]  # fmt: skip
+            found += record_of(walk, method, walker).each(numbers)
     return found
 
 
@@ -257,6 +263,52 @@ def _evidence(closures: Closures, trajectory: Trajectory, truth: Truth) -> dict[
 
 def _share(right: Bool, of: Bool) -> float:
     return float(right[of].mean()) if of.any() else float("nan")
+
+
+# --- uncertainty ---
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """Shares of footsteps whose true x (or y) lies within one and two sigma, both axes pooled.
+
+    0.68 and 0.95 where the sigmas are right. `nees` is the mean normalised error squared in the
+    plane, 2 where they are.
+    """
+
+    one_sigma: float
+    two_sigma: float
+    nees: float
+
+
+def trajectory_coverage(
+    trajectory: Trajectory, truth: Truth, where: SimilarityTransform | None = None
+) -> Coverage:
+    """Against a dense truth, the map lying `where` it does in the world.
+
+    By default anchored at its first pose, which the covariance takes for certain.
+    """
+    matched = match(trajectory.t_s, trajectory.world_from_body, truth)
+    where = where or placement(matched, Alignment.ANCHORED)
+    error_m = place(matched.estimate, where)[:, :2] - matched.truth[:, :2]
+    covariance = _turned(_at(trajectory, matched.t_s), float(where.world_from_map[2]))
+    sigma_m = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    away = np.abs(error_m[1:]) / sigma_m[1:]
+    solved = np.linalg.solve(covariance[1:], error_m[1:, :, None])[:, :, 0]
+    nees = float(np.mean(np.sum(error_m[1:] * solved, axis=1)))
+    return Coverage(float(np.mean(away <= 1)), float(np.mean(away <= 2)), nees)
+
+
+def _at(trajectory: Trajectory, t_s: F64) -> F64:
+    """Covariances (m, 2, 2) of the nearest footstep before each time."""
+    row = np.clip(np.searchsorted(trajectory.t_s, t_s, side="right") - 1, 0, None)
+    return np.asarray(trajectory.covariance[row][:, :2, :2])
+
+
+def _turned(covariance: F64, angle_rad: float) -> F64:
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    turn = np.array([[cos, -sin], [sin, cos]])
+    return np.asarray(turn @ covariance @ turn.T)
 
 
 STUDY = Study(

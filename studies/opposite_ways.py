@@ -17,7 +17,7 @@ from elfslam.stages.feature import Encoder, OnnxEncoder, load_encoder, walk_vect
 from elfslam.stages.superimposition import SpotEchoes, floor_spots
 from elfslam.world.kinds import SURVEYOR, kind_named
 from elfslam.world.simulate import load_world
-from studies.cached import extract_echoes, simulate
+from studies.cached import at_its_start, extract_echoes, record_of, shipped, simulate, simulated_in
 from studies.floor_spots import (
     MEDIAN_M,
     SPACING_M,
@@ -28,11 +28,8 @@ from studies.floor_spots import (
     fixes_m,
     quantile_numbers,
 )
-from studies.located import at_its_start
 from studies.mapping import CALIBRATED, walkers
 from studies.results import Record
-from studies.simulated_walk import simulated_in
-from studies.study import SCENARIOS
 
 STRANGER, ASKER = 500, 1000
 """Added to the seed for who walks the other way round, and for who is located."""
@@ -73,25 +70,20 @@ def measure_ways(task: Ways, folder: Path, announce: Announce) -> list[Record]:
         mapped(task, task.seed + STRANGER, reverse=True),
     ]
     places_m, samples = _asked(task)
-    of = Record("", "", 0.0, world=task.world, scenario=SCENARIOS[task.kind])
     records: list[Record] = []
     for placed in PLACED:
         both = [replace(walk, poses=walk.truth) for walk in walks] if placed == TRUE else walks
         learnt = _learnt(task, both, shipped, folder / placed, announce)
         for name, xy_m, vectors, encoder in _maps(both, shipped, learnt):
             found = fixes_m(walk_vectors(samples, encoder), TOGETHER, vectors, xy_m)
-            for metric, value in error_numbers(found, places_m).items():
-                fits = metric == MEDIAN_M and placed == MAPPED
-                known = replace(of, method=name, metric=metric, value=value)
-                records.append(
-                    replace(known, condition=placed, paper=PAPER_M.get(name) if fits else None)
-                )
+            for each in record_of(task, name, placed).each(error_numbers(found, places_m)):
+                fits = each.metric == MEDIAN_M and placed == MAPPED
+                records.append(replace(each, paper=PAPER_M.get(name) if fits else None))
             for share, value in quantile_numbers(found, places_m).items():
-                known = replace(of, method=name, metric=WITHIN_M, value=value)
-                records.append(replace(known, condition=f"{share}, {placed}"))
+                records += record_of(task, name, f"{share}, {placed}").each({WITHIN_M: value})
     off_m = [np.linalg.norm((walk.poses - walk.truth)[:, :2], axis=1) for walk in walks]
     map_m = float(np.median(np.concatenate(off_m)))
-    return [*records, replace(of, method="maps", metric=MEDIAN_M, value=map_m, condition=MAPPED)]
+    return [*records, *record_of(task, "maps", MAPPED).each({MEDIAN_M: map_m})]
 
 
 def mapped(task: Ways, seed: int, *, reverse: bool) -> Mapped:
@@ -102,7 +94,7 @@ def mapped(task: Ways, seed: int, *, reverse: bool) -> Mapped:
     )
     known = walkers(seed, kind)[CALIBRATED]
     recording = at_its_start(recording, truth)
-    run = map_by_echoes(recording, load_encoder("compact"), known)
+    run = map_by_echoes(recording, shipped(), known)
     assert run.echoes is not None
     t_s, heard = run.trajectory.t_s, run.echoes
     inside = (heard.t_s >= t_s[0]) & (heard.t_s <= t_s[-1])

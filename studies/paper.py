@@ -44,24 +44,21 @@ from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.kinds import ASKING_PHONE, MAPPING_PHONE, SURVEYOR
 from elfslam.world.simulate import load_world
-from studies.cached import extract_echoes, simulate
+from studies.cached import SCENARIOS, SimulatedWalk, at_its_start, extract_echoes, simulate
 from studies.curation import CurationParameters, curated_closures
 from studies.located import (
     MAPPING_ROUNDS,
     MEDIAN_M,
     Mapped,
     Stranger,
-    at_its_start,
     fix_numbers,
     located,
     stranger,
 )
 from studies.mapping import ALONE, CALIBRATED, MEDIAN_ALIGNED, trajectory_errors, walkers
 from studies.plain_features import ALWAYS, PLAIN, compared_encoders
-from studies.repeats import finished
-from studies.results import Record, averaged
-from studies.simulated_walk import SimulatedWalk
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.results import Record
+from studies.study import Study, StudyContext, per_walk
 
 WORLDS = ("living_room", "office", "mall")
 SEEDS = tuple(range(5))
@@ -119,11 +116,8 @@ def measure_paper(
     with _pretrained(context, pretraining) as file:
         if recording is not None:
             return measure_recording(recording, file, learning)
-        tasks = [
-            SimulatedWalk(world, seed, rounds, SURVEYOR.name) for world in worlds for seed in seeds
-        ]
         measure = partial(_measured, file=file, scratch=learning)
-        walks = averaged(finished(measure, tasks, context), seeds)
+        walks = per_walk(measure, context, worlds, seeds, rounds, SURVEYOR)
     return [replace(each, paper=paper_m(each)) for each in walks]
 
 
@@ -135,19 +129,19 @@ def measure_recording(folder: Path, file: Path, scratch: ScratchParameters) -> l
     recording, settings = read_recording(folder), Settings()
     echoes, nodes = extract_echoes(recording, settings), dead_reckoning_nodes(recording, settings)
     run = _mapped(recording, echoes, nodes, _finetuned(file, echoes, scratch, 0), settings)
-    recorded = partial(Record, world=recording.name, scenario=RECORDED, condition=MAPPING)
+    of = Record(STRATEGY, world=recording.name, scenario=RECORDED, condition=MAPPING)
     numbers = {
         "footsteps": len(nodes.t_s),
         "echoes": len(echoes.t_s),
         "closures": len(run.closures.i),
         "length (m)": path_length_m(run.trajectory.world_from_body[:, :2]),
     }
-    records = [recorded(STRATEGY, name, float(value)) for name, value in numbers.items()]
+    records = of.each(numbers)
     with suppress(InputError):
         truth = read_truth(folder)
         reckoned = optimise(build_graph(nodes, NO_CLOSURES), nodes.t_s, settings.graph)
         for method, trajectory in ((STRATEGY, run.trajectory), (RECKONED, reckoned)):
-            records.append(recorded(method, MEDIAN_M, _median_m(trajectory, truth)))
+            records += replace(of, method=method).each({MEDIAN_M: _median_m(trajectory, truth)})
     return records
 
 
@@ -244,7 +238,7 @@ def _queried(
         if walk.world not in PAPER_M[STRATEGY, condition]:
             continue
         query = stranger(
-            world, walk.seed, ROUNDS, encoder, circumstances=today, reverse=condition == OPPOSITE
+            world, walk.seed, ROUNDS, circumstances=today, reverse=condition == OPPOSITE
         )
         query = replace(query, features=without_normalisation(query.echoes, encoder))
         metric = MEAN_M if condition == FURNITURE else MEDIAN_M

@@ -22,25 +22,30 @@ from elfslam.slam.front_end import apply_acoustic_scale, dead_reckoning_nodes
 from elfslam.slam.pipeline import closures_by
 from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.stages.echo.sound import matched_envelope
-from elfslam.stages.feature import load_encoder, spectrogram
+from elfslam.stages.feature import spectrogram
 from elfslam.stages.graph import build_graph, optimise
 from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.kinds import SURVEYOR
 from elfslam.world.phone import render_frames, room_responses
 from elfslam.world.sensors import Sensor
 from elfslam.world.world_file import load_world
-from studies.cached import extract_echoes, extract_features
+from studies.cached import (
+    SCENARIOS,
+    SimulatedWalk,
+    at_its_start,
+    extract_echoes,
+    extract_features,
+    shipped,
+    simulated,
+)
 from studies.curation import CurationParameters, curated_closures
 from studies.distinctness import row_of_spots
-from studies.located import at_its_start
 from studies.mapping import CALIBRATED, walkers
-from studies.marked_walk import walk_over_markers
 from studies.plain_features import ELF
 from studies.results import Record
-from studies.simulated_walk import SimulatedWalk, simulated
 from studies.still_phone import hear_at, held_still, listener_in
-from studies.study import SCENARIOS, Study, StudyContext
-from studies.trace import PSD, SHOWN
+from studies.study import Study, StudyContext
+from studies.trace import PSD, SHOWN, walk_over_markers
 
 WORLDS = ("living_room", "office", "mall")
 ROUNDS = 3
@@ -136,7 +141,7 @@ def _tiles(name: str, image_db: F64, rate_hz: int, pooled: int = 1) -> Iterator[
 def footsteps_compared() -> Iterator[Record]:
     """Mean PSDs and ELFs of three footsteps over markers; the last is on the first's marker."""
     nodes, echoes = walk_over_markers(load_world("lab"), 2, np.random.default_rng(58))
-    for name, encoder in ((PSD, generic_encoders()[PSD]), (ELF, load_encoder("compact"))):
+    for name, encoder in ((PSD, generic_encoders()[PSD]), (ELF, shipped())):
         features = extract_features(echoes, encoder)
         for footstep in SHOWN:
             start_s, end_s = nodes.t_s[footstep : footstep + 2]
@@ -154,7 +159,7 @@ def trajectories(walk: SimulatedWalk) -> Iterator[Record]:
     settings = walkers(walk.seed, SURVEYOR)[CALIBRATED]
     echoes, nodes = extract_echoes(recording, settings), dead_reckoning_nodes(recording, settings)
     known = apply_acoustic_scale(nodes, echoes, settings)
-    similarity = echo_sequence_similarity(extract_features(echoes, load_encoder("compact")), known)
+    similarity = echo_sequence_similarity(extract_features(echoes, shipped()), known)
     closures = {ELF: (known, closures_by(known, [(similarity, settings.closure)], settings))}
     for item in (Modality.WIFI, Modality.MAGNETIC):
         sense = sense_of(item, settings)
@@ -178,7 +183,7 @@ def matrix(walk: SimulatedWalk) -> Iterator[Record]:
     recording = at_its_start(recording, truth)
     settings = walkers(walk.seed, SURVEYOR)[CALIBRATED]
     nodes = dead_reckoning_nodes(recording, settings)
-    features = extract_features(extract_echoes(recording, settings), load_encoder("compact"))
+    features = extract_features(extract_echoes(recording, settings), shipped())
     similarity = echo_sequence_similarity(features, nodes)
     parameters = replace(CurationParameters(), threshold=settings.closure.threshold)
     every, curated = (

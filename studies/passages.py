@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -16,17 +15,15 @@ from elfslam.scoring.alignment import AS_DECLARED
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import Sense as Motion
 from elfslam.slam.pipeline import map_by, map_by_echoes, no_similarity
-from elfslam.stages.feature import load_encoder
 from elfslam.stages.floor_plan_alignment import AnchoringParameters
 from elfslam.stages.map_matching import MapMatchingParameters, followed_trajectory
 from elfslam.world.kinds import PEOPLE, Kind
 from elfslam.world.simulate import load_world
-from studies.coverage import trajectory_coverage
+from studies.cached import SimulatedWalk, record_of, shipped, simulated
 from studies.floor_plan import plan_of
-from studies.repeats import finished
-from studies.results import Record, averaged
-from studies.simulated_walk import SimulatedWalk, simulated
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.mapping import trajectory_coverage
+from studies.results import Record
+from studies.study import Study, StudyContext, per_walk
 
 WORLDS = ("living_room", "office", "mall")
 SEEDS = (0, 1, 2, 3, 4)
@@ -48,9 +45,8 @@ def measure_passages(
     known: MapMatchingParameters | None = None,
 ) -> list[Record]:
     """Errors from the given start before and after (the condition), by echoes and by steps."""
-    tasks = [SimulatedWalk(world, seed, rounds, kind.name) for world in worlds for seed in seeds]
     measure = partial(_measured, parameters=known or MapMatchingParameters())
-    return averaged(finished(measure, tasks, context), seeds)
+    return per_walk(measure, context, worlds, seeds, rounds, kind)
 
 
 def _measured(walk: SimulatedWalk, parameters: MapMatchingParameters) -> list[Record]:
@@ -59,7 +55,7 @@ def _measured(walk: SimulatedWalk, parameters: MapMatchingParameters) -> list[Re
     off = np.random.default_rng([walk.seed, 11]).normal(0, START_SIGMA)
     runs: dict[str, Run] = {
         STEPS: map_by(recording, [Motion(no_similarity, Parameters().closure)], Parameters()),
-        ECHOES: map_by_echoes(recording, load_encoder("compact"), Parameters()),
+        ECHOES: map_by_echoes(recording, shipped(), Parameters()),
     }
     found: list[Record] = []
     for method, run in runs.items():
@@ -71,16 +67,14 @@ def _measured(walk: SimulatedWalk, parameters: MapMatchingParameters) -> list[Re
         covered = trajectory_coverage(
             followed_trajectory(run.trajectory, after), truth, AS_DECLARED
         )
-        of = Record(method, MEDIAN, _median_m(before, true), world=walk.world,
-                    scenario=SCENARIOS[walk.kind], condition=GIVEN_START)  # fmt: skip
         numbers = {
             MEDIAN: _median_m(after.poses, true),
             "within one sigma": covered.one_sigma,
             "within two sigma": covered.two_sigma,
             "off the ground": after.off_share,
         }
-        found += [of, *(replace(of, condition=MATCHED, metric=metric, value=value)
-                        for metric, value in numbers.items())]  # fmt: skip
+        found += record_of(walk, method, GIVEN_START).each({MEDIAN: _median_m(before, true)})
+        found += record_of(walk, method, MATCHED).each(numbers)
     return found
 
 

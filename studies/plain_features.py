@@ -20,10 +20,10 @@ from elfslam.slam.pipeline import map_by_echoes
 from elfslam.stages.closure import ClosureParameters
 from elfslam.stages.feature import Encoder, load_encoder
 from elfslam.stages.locate import LocateParameters, locate_one_shot
+from elfslam.stages.track import TrackParameters
 from studies.cached import extract_features
 
 ELF, PLAIN, ROOT, LOG = "ELF", "plain spectrogram", "root spectrogram", "log spectrogram"
-FEATURES = (ELF, PLAIN, ROOT, LOG)
 CLOSURE_THRESHOLDS: Mapping[str, float] = {ELF: 0.22, PLAIN: 0.1, ROOT: 0.1, LOG: 0.07}
 ALWAYS = replace(LocateParameters(), unknown_below=-1.0, ambiguous_below=0.0)
 """No threshold: features are compared that need other ones."""
@@ -74,6 +74,18 @@ def compared_encoders() -> Mapping[str, Encoder]:
 def closing_by(feature: str, settings: Settings) -> ClosureParameters:
     """What counts as a loop closure by this feature."""
     return replace(settings.closure, threshold=CLOSURE_THRESHOLDS[feature])
+
+
+def tracking_by(feature: str, settings: Settings) -> TrackParameters:
+    """The particle filter by this feature: its scores as wide as its closure threshold is high.
+
+    Every footstep is answered.
+    """
+    share, track = CLOSURE_THRESHOLDS[feature] / CLOSURE_THRESHOLDS[ELF], settings.track
+    return replace(
+        track, temperature=share * track.temperature, unexplained=share * track.unexplained,
+        unknown_below=-1.0, ambiguous_below=0.0, jump=3.0,
+    )  # fmt: skip
 
 
 def feature_maps(recording: Recording, by_elf: Run, settings: Settings) -> dict[str, FeatureMap]:

@@ -23,9 +23,8 @@ from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.stages.graph import GraphParameters, optimise
 from elfslam.stages.graph.solving import as_gtsam, as_poses, as_values
 from elfslam.stages.graph.uncertainty import half_square
-from studies.repeats import finished
 from studies.results import Record, averaged
-from studies.study import Study, StudyContext
+from studies.study import Study, StudyContext, finished
 
 BEST_KNOWN = {
     "intel": 22.502, "manhattan": 1774.52, "ring": 5.5816, "ringCity": 131.409, "MIT": 20.603,

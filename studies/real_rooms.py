@@ -59,7 +59,7 @@ def measure_real_rooms(
         for k, microphone in enumerate(microphones):
             right = {name: recognised(own(each, places=1), k) for name, each in vectors.items()}
             right |= {name + NOT_NORMALISED: recognised(each, k) for name, each in vectors.items()}
-            of = Record("", "", 0.0, world=f"circle of {circle_m:g} m", condition=microphone)
+            of = Record("", world=f"circle of {circle_m:g} m", condition=microphone)
             records += [each for name in right for each in _records(of, name, right)]
     return records
 

@@ -10,10 +10,11 @@ import ast
 import csv
 import hashlib
 import subprocess
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
 from pathlib import Path
+from typing import SupportsFloat
 
 import numpy as np
 
@@ -37,8 +38,8 @@ class Record:
     """
 
     method: str
-    metric: str
-    value: float
+    metric: str = ""
+    value: float = 0.0
     low: float | None = None
     high: float | None = None
     paper: float | None = None
@@ -46,6 +47,10 @@ class Record:
     scenario: str = ""
     condition: str = ""
     seeds: str = ""
+
+    def each(self, numbers: Mapping[str, SupportsFloat]) -> list[Record]:
+        """A record of every number, by metric."""
+        return [replace(self, metric=name, value=float(value)) for name, value in numbers.items()]
 
 
 @dataclass(frozen=True)
@@ -103,10 +108,7 @@ def seeds_text(seeds: Sequence[int]) -> str:
 
 def write_results(file: Path, results: Iterable[Result]) -> None:
     """Write results as CSV, numbers to six digits; nothing is half-written."""
-    with (
-        replaced_file(file) as partial,
-        partial.open("w", newline="", encoding="utf-8") as stream,
-    ):
+    with replaced_file(file) as partial, partial.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.DictWriter(stream, COLUMNS, lineterminator="\n")
         writer.writeheader()
         writer.writerows({key: _cell(value) for key, value in asdict(each).items()}

@@ -14,11 +14,11 @@ import numpy as np
 from elfslam.app.settings import Settings
 from elfslam.base.enums import Mode
 from elfslam.base.values import Fixes, Trajectory
-from elfslam.stages.feature import load_encoder
 from elfslam.stages.locate import locate_one_shot
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.kinds import PEOPLE, QUIET, Kind, kind_named
 from elfslam.world.simulate import World, load_world
+from studies.cached import record_of
 from studies.located import (
     MAPPING_ROUNDS,
     MEDIAN_M,
@@ -32,9 +32,8 @@ from studies.located import (
 )
 from studies.mapping import CALIBRATED, walkers
 from studies.plain_features import ELF, FeatureMap, feature_maps
-from studies.repeats import finished
 from studies.results import Record, averaged
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.study import Study, StudyContext, finished
 
 PLACES: Mapping[str, str] = {"living_room": "all", "office": "volume", "mall": "volume"}
 """Which changes are measured where; the volume in all three, as in the paper."""
@@ -47,7 +46,6 @@ SOUNDS = ("none", "speech", "music", "clicks")
 VOLUMES = (1.0, 0.8, 0.6, 0.4, 0.2)
 PHONES = ("simulated phone", "flat", "cheap", "tablet", "bottom-fired", "rippled")
 MOVED = "moved"
-ENCODER = "compact"
 MEAN_M, ANSWERED = "mean error (m)", "answered"
 METRICS = (MEDIAN_M, MEAN_M, "third quartile (m)", ANSWERED, "ambiguous", OVER_1_M)
 METHODS = {mode: f"{ELF}, {mode.value}" for mode in Mode}
@@ -116,7 +114,7 @@ def paper_m(record: Record) -> float | None:
 
 def _measured(place: Place) -> list[Record]:
     world, kind = with_some_moved(load_world(place.world)), kind_named(place.kind)
-    mapped = mapped_walk(world, place.seed, place.mapping_rounds, load_encoder(ENCODER), kind=kind)
+    mapped = mapped_walk(world, place.seed, place.mapping_rounds, kind=kind)
     settings = walkers(place.seed, kind)[CALIBRATED]
     own = feature_maps(mapped.recording, mapped.run, settings)
     usual = kind.asking(world.room)
@@ -174,8 +172,7 @@ def _differs(block: object, other: object) -> bool:
 
 def _query(world: World, place: Place, today: Circumstances) -> Stranger:
     kind = kind_named(place.kind)
-    encoder = load_encoder(ENCODER)
-    return stranger(world, place.seed, place.rounds, encoder, circumstances=today, kind=kind)
+    return stranger(world, place.seed, place.rounds, circumstances=today, kind=kind)
 
 
 def _fixes(
@@ -202,11 +199,7 @@ def _records(
     trajectory: Trajectory, mapped: Mapped,
 ) -> list[Record]:  # fmt: skip
     numbers = fix_numbers(fixes, query.truth, trajectory, mapped.truth)
-    return [
-        Record(method, metric, numbers[metric], world=place.world,
-               scenario=SCENARIOS[place.kind], condition=condition)
-        for metric in METRICS
-    ]  # fmt: skip
+    return record_of(place, method, condition).each({name: numbers[name] for name in METRICS})
 
 
 STUDY = Study(

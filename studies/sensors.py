@@ -62,12 +62,12 @@ def measure_sensors(context: StudyContext, *, walks: int = 6, mall_walks: int = 
     records: list[Record] = []
     if context.data is not None:
         real = statistics(list(_mall(context.data, mall_walks)))
-        records += _records(real, Record("measured", "", 0.0, world="mall"))
+        records += _records(real, Record("measured", world="mall"))
     context.announce("simulating walks", None)
     for walker, scenario in SCENARIO_OF.items():
         for place, worlds in (("rooms", list(map(load_world, ROOMS))), ("hall", [hall()])):
             found = statistics([_simulated(world, walks, walker) for world in worlds])
-            of = Record("simulated", "", 0.0, world=place, scenario=scenario,
+            of = Record("simulated", world=place, scenario=scenario,
                         seeds=seeds_text(range(walks)))  # fmt: skip
             records += _records(found, of)
     return records

@@ -2,8 +2,9 @@
 
     python -m studies.sizes [COMMIT ...]
 
-Lines of Python, share of import lines, names of our own imported, modules of the pages, words of
-docs, and decimals typed by hand: outside code, and outside the blocks that are rendered.
+The package by its pieces: rooms (`studies` is one), floors, arrows (a room that imports another),
+files and lines, share of import lines, own names imported, and modules of the pages. Then studies,
+tests, words of docs, and decimals typed by hand: outside code, and outside rendered blocks.
 """
 
 from __future__ import annotations
@@ -15,68 +16,115 @@ import subprocess
 import sys
 import tarfile
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from statistics import median
 
 from elfslam.app.console import print_rows
 from studies.render import BLOCK
 from studies.results import ROOT
 
+STUDIES = "studies"
+FLOOR = re.compile(r"\bfloor (\d)", re.I)
 DECIMAL = re.compile(r"(?<![\w./-])\d+\.\d+(?![\w./-]*\w)")
 CODE = re.compile(r"^(```|~~~).*?^\1|`[^`\n]*`", re.S | re.M)
+Node = ast.Import | ast.ImportFrom
 
 
 def sizes(root: Path) -> dict[str, float]:
     """The figures of a tree, by what they are."""
     package = sorted((root / "src").rglob("*.py"))
     imports = [node for file in package for node in _imports(file)]
-    lines = _lines(package)
+    lengths = [_lines(file) for file in package]
+    of_imports = sum((node.end_lineno or node.lineno) - node.lineno + 1 for node in imports)
+    rooms = rooms_of(root)
+    pages = [file for file in (root / "src").rglob("*.js") if "vendor" not in file.parts]
     docs = [root / "README.md", *(root / "docs").rglob("*.md")]
     explained = [root / "README.md", *(root / "docs" / "explanation").glob("*.md")]
-    pages = [file for file in (root / "src").rglob("*.js") if "vendor" not in file.parts]
-    of_imports = sum((node.end_lineno or node.lineno) - node.lineno + 1 for node in imports)
+    results = (root / "results").glob("*.csv")
     return {
-        "files of the package": len(package),
-        "lines of the package": lines,
-        "lines of studies": _lines((root / "studies").rglob("*.py")),
-        "lines of tests": _lines((root / "tests").rglob("*.py")),
-        "import lines of the package (%)": round(100 * of_imports / lines, 1),
-        "own names imported": sum(_own_names(node) for node in imports),
+        "rooms": len(rooms),
+        "floors": len({floor for room in rooms.values() if (floor := _floor(room))}),
+        "arrows between rooms": len(arrows(rooms)),
+        "files": len(package),
+        "lines": sum(lengths),
+        "lines of the median file": median(lengths),
+        "import lines (%)": round(100 * of_imports / sum(lengths), 1),
+        "own names imported": sum(map(_own_names, imports)),
+        "own names imported, a file": round(sum(map(_own_names, imports)) / len(package), 1),
         "page modules": len(pages),
+        "lines of page modules": sum(map(_lines, pages)),
+        "lines of studies": sum(map(_lines, (root / STUDIES).rglob("*.py"))),
+        "lines of tests": sum(map(_lines, (root / "tests").rglob("*.py"))),
         "words of docs": sum(len(file.read_text("utf-8").split()) for file in docs),
         "decimals typed in README and explanation": sum(map(_typed_decimals, explained)),
-        "results": sum(len(file.read_text("utf-8").splitlines()) - 1
-                       for file in (root / "results").glob("*.csv")),
-    }  # fmt: skip
+        "results": sum(_lines(file) - 1 for file in results),
+    }
+
+
+def rooms_of(root: Path) -> dict[str, Path]:
+    """The folders of the package that are packages, by name, and the studies."""
+    inits = sorted((root / "src" / "elfslam").glob("*/__init__.py"))
+    found = {init.parent.name: init.parent for init in inits}
+    return found | ({STUDIES: root / STUDIES} if (root / STUDIES).is_dir() else {})
+
+
+def arrows(rooms: Mapping[str, Path]) -> set[tuple[str, str]]:
+    """Which room imports which other one."""
+    return {
+        (room, other)
+        for room, folder in rooms.items()
+        for file in folder.rglob("*.py")
+        for node in _imports(file)
+        for other in _rooms_in(node)
+        if other in rooms and other != room
+    }
+
+
+def _rooms_in(node: Node) -> Iterator[str]:
+    """The first names below the package, or the studies, that an import names."""
+    if isinstance(node, ast.Import):
+        names: Iterable[str] = (alias.name for alias in node.names)
+    else:
+        names = (f"{node.module}.{alias.name}" for alias in node.names)
+    for name in names:
+        first, _, rest = name.partition(".")
+        if first == STUDIES:
+            yield STUDIES
+        elif first == "elfslam":
+            yield rest.partition(".")[0]
+
+
+def _floor(room: Path) -> str:
+    """On which floor a room says that it stands, in its docstring; the studies stand on top."""
+    text = "floor 6" if room.name == STUDIES else (room / "__init__.py").read_text("utf-8")
+    found = FLOOR.search(text)
+    return found[1] if found else ""
 
 
 def _typed_decimals(page: Path) -> int:
-    text = CODE.sub("", BLOCK.sub("", page.read_text("utf-8")))
-    return len(DECIMAL.findall(text))
+    return len(DECIMAL.findall(CODE.sub("", BLOCK.sub("", page.read_text("utf-8")))))
 
 
-def _lines(files: Iterator[Path] | Sequence[Path]) -> int:
-    return sum(len(file.read_text("utf-8").splitlines()) for file in files)
+def _lines(file: Path) -> int:
+    return len(file.read_text("utf-8").splitlines())
 
 
-def _imports(file: Path) -> Iterator[ast.Import | ast.ImportFrom]:
-    for node in ast.walk(ast.parse(file.read_text("utf-8"))):
-        if isinstance(node, ast.Import | ast.ImportFrom):
-            yield node
+def _imports(file: Path) -> Iterator[Node]:
+    nodes = ast.walk(ast.parse(file.read_text("utf-8")))
+    return (node for node in nodes if isinstance(node, Node))
 
 
-def _own_names(node: ast.Import | ast.ImportFrom) -> int:
-    is_own = isinstance(node, ast.ImportFrom) and (node.module or "").startswith("elfslam")
-    return len(node.names) if is_own else 0
+def _own_names(node: Node) -> int:
+    return sum(1 for _ in _rooms_in(node))
 
 
 def main(commits: Sequence[str]) -> None:
     """Print a column for each commit, and one for the tree as it lies here."""
     columns: dict[str, dict[str, float]] = {}
     for commit in commits:
-        packed = subprocess.run(
-            ["git", "-C", str(ROOT), "archive", commit], check=True, capture_output=True
-        ).stdout
+        command = ["git", "-C", str(ROOT), "archive", commit]
+        packed = subprocess.run(command, check=True, capture_output=True).stdout
         with (
             tempfile.TemporaryDirectory() as folder,
             tarfile.open(fileobj=io.BytesIO(packed)) as tar,

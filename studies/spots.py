@@ -14,10 +14,9 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.world.room import Room, standing_room
 from elfslam.world.world_file import World, load_world
-from studies.repeats import finished
 from studies.results import Record, averaged
 from studies.still_phone import listener_in, visit
-from studies.study import Study, StudyContext
+from studies.study import Study, StudyContext, finished
 
 SPACING, COUNT = "m apart", "spots"
 RECOGNISED, MEAN_M = "recognised", "mean error (m)"

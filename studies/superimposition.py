@@ -11,9 +11,8 @@ from elfslam.base.values import Announce
 from elfslam.world.kinds import SURVEYOR, Kind
 from studies.floor_spots import Spots, measure_floor
 from studies.opposite_ways import Ways, measure_ways
-from studies.repeats import finished
 from studies.results import Record, averaged
-from studies.study import Study, StudyContext
+from studies.study import Study, StudyContext, finished
 
 SEEDS = tuple(range(10))
 

@@ -13,14 +13,13 @@ from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.stages.checkpoints import lies_on_plan
 from elfslam.world.kinds import PEOPLE, Kind, kind_named
-from studies.localization import SEEDS, WORLDS, shipped
-from studies.located import MAPPING_ROUNDS, at_its_start
+from studies.cached import SimulatedWalk, at_its_start, record_of, shipped, simulated
+from studies.localization import SEEDS, WORLDS
+from studies.located import MAPPING_ROUNDS
 from studies.mapping import CALIBRATED, MEDIAN_ALIGNED, walkers
 from studies.plain_features import ELF
-from studies.repeats import finished
-from studies.results import Record, averaged
-from studies.simulated_walk import SimulatedWalk, simulated
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.results import Record
+from studies.study import Study, StudyContext, per_walk
 
 TAPS = (0, 2, 4, 8)
 """Without any the walker declares where the walk begins."""
@@ -40,8 +39,7 @@ def measure_taps(
     kind: Kind = PEOPLE,
 ) -> list[Record]:
     """Median errors of maps by taps: in the frame that they claim, and after a rigid fit."""
-    tasks = [SimulatedWalk(world, seed, rounds, kind.name) for world in worlds for seed in seeds]
-    return averaged(finished(_measured, tasks, context), seeds)
+    return per_walk(_measured, context, worlds, seeds, rounds, kind)
 
 
 def tapped(truth: Truth, taps: int, seed: int) -> Checkpoints:
@@ -69,11 +67,7 @@ def _measured(walk: SimulatedWalk) -> list[Record]:
             MEDIAN_ALIGNED: _aligned_m(run.trajectory, truth),
             ON_PLAN: float(on_plan),
         }
-        records += [
-            Record(ELF, metric, value, world=walk.world, scenario=SCENARIOS[walk.kind],
-                   condition=f"{taps} taps")
-            for metric, value in numbers.items()
-        ]  # fmt: skip
+        records += record_of(walk, ELF, f"{taps} taps").each(numbers)
     return records
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -19,14 +20,18 @@ from elfslam.slam.pipeline import closures_by
 from elfslam.stages.graph import build_graph, optimise
 from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.kinds import PEOPLE, SURVEYOR, kind_named
-from studies.cached import extract_echoes, extract_features
-from studies.located import at_its_start
+from studies.cached import (
+    SCENARIOS,
+    SimulatedWalk,
+    at_its_start,
+    extract_echoes,
+    extract_features,
+    simulated,
+)
 from studies.mapping import CALIBRATED, MEDIAN_ALIGNED, trajectory_errors, walkers
 from studies.plain_features import compared_encoders
-from studies.repeats import finished
 from studies.results import Record, averaged, seeds_text
-from studies.simulated_walk import SimulatedWalk, simulated
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.study import Study, StudyContext, finished
 
 WORLDS = ("studio", "lounge", "concourse")
 """For development; nothing is reported in them."""
@@ -42,6 +47,7 @@ def measure_thresholds(
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     rounds: int = ROUNDS,
+    thresholds: Sequence[float] = THRESHOLDS,
 ) -> list[Record]:
     """By feature and threshold (the condition): the ratio over all walks, errors and closures."""
     tasks = [
@@ -50,12 +56,12 @@ def measure_thresholds(
         for kind in (SURVEYOR, PEOPLE)
         for seed in seeds
     ]
-    walks = finished(_measured, tasks, context)
+    walks = finished(partial(_measured, thresholds=tuple(thresholds)), tasks, context)
     told = [[each for each in walk if each.metric != RATIO] for walk in walks]
     return [*_ratios(walks, seeds), *averaged(told, seeds)]
 
 
-def _measured(walk: SimulatedWalk) -> list[Record]:
+def _measured(walk: SimulatedWalk, thresholds: Sequence[float]) -> list[Record]:
     kind = kind_named(walk.kind)
     recording, truth = simulated(walk)
     known = walkers(walk.seed, kind)[CALIBRATED]
@@ -67,7 +73,7 @@ def _measured(walk: SimulatedWalk) -> list[Record]:
     found: list[Record] = []
     for feature, encoder in compared_encoders().items():
         similarity = echo_sequence_similarity(extract_features(echoes, encoder), nodes)
-        for threshold in THRESHOLDS:
+        for threshold in thresholds:
             strict = replace(known.closure, threshold=threshold)
             closures = closures_by(nodes, [(similarity, strict)], known)
             score = score_closures(closures, nodes.t_s, truth)
@@ -76,8 +82,8 @@ def _measured(walk: SimulatedWalk) -> list[Record]:
                 RATIO: mapped_m / reckoned_m, MEDIAN_ALIGNED: mapped_m,
                 "closures": float(len(closures.i)), "precision of closures": score.precision,
             }  # fmt: skip
-            of = Record(feature, "", 0.0, scenario=SCENARIOS[walk.kind], condition=f"{threshold:g}")
-            found += [replace(of, metric=name, value=value) for name, value in numbers.items()]
+            of = Record(feature, scenario=SCENARIOS[walk.kind], condition=f"{threshold:g}")
+            found += of.each(numbers)
     return found
 
 
@@ -108,5 +114,6 @@ def _ratios(walks: Sequence[Sequence[Record]], seeds: Sequence[int]) -> list[Rec
 STUDY = Study(
     "From which score does each feature close loops best, in worlds for development?",
     measure_thresholds, minutes=60, long=True,
-    fast={"worlds": ("studio",), "seeds": (100,), "rounds": 2},
+    fast={"worlds": ("studio",), "seeds": (100,), "rounds": 2,
+          "thresholds": (0.1, 0.22)},
 )  # fmt: skip

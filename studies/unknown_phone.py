@@ -19,13 +19,12 @@ from elfslam.stages.feature import OnnxEncoder, load_encoder, walk_vectors
 from elfslam.stages.superimposition import SpotEchoes, floor_spots, superimposed_map
 from elfslam.world.kinds import ASKING_PHONE, SURVEYOR, Kind, kind_named
 from elfslam.world.simulate import load_world
-from studies.cached import extract_echoes, simulate
+from studies.cached import extract_echoes, record_of, simulate
 from studies.floor_spots import SPACING_M, TOGETHER, fixes_m
 from studies.located import GROSS_M, MEDIAN_M, OVER_1_M
 from studies.opposite_ways import walking
-from studies.repeats import finished
 from studies.results import Record, averaged
-from studies.study import SCENARIOS, Study, StudyContext
+from studies.study import Study, StudyContext, finished
 
 WORLDS = ("studio", "lounge")
 SEEDS = (110, 111, 112, 113)
@@ -90,15 +89,11 @@ def measure_place(task: Place, folder: Path) -> list[Record]:
         for name, encoder, floor_map in maps:
             for done, features in _heard(encoder, floor_map, asked, own):
                 error_m = np.linalg.norm(_fixes(features, floor_map) - _middles(asked), axis=1)
-                numbers = {
+                of = record_of(task, f"{name}, {done}", phone)
+                records += of.each({
                     MEDIAN_M: np.median(error_m), MEAN_M: error_m.mean(),
                     OVER_1_M: (error_m > GROSS_M).mean(),
-                }  # fmt: skip
-                records += [
-                    Record(f"{name}, {done}", metric, float(value), world=task.world,
-                           scenario=SCENARIOS[task.kind], condition=phone)
-                    for metric, value in numbers.items()
-                ]  # fmt: skip
+                })  # fmt: skip
     return records
 
 

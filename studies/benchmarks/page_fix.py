@@ -13,25 +13,29 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import httpx
 import numpy as np
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, Route, sync_playwright
 
+from elfslam.base.arrays import F32, F64
+from elfslam.base.parameters import as_dict
 from elfslam.base.values import FloorMap, Payload
+from elfslam.serve.people.guards import CONTENT_POLICY
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.stages.feature import OnnxEncoder, load_encoder
 from elfslam.world.device import BROWSER
 from elfslam.world.simulate import load_world, simulate
 from studies.benchmarks.served import serving
-from studies.benchmarks.stages_in_page import browsing, run_in_page, write_f32, write_floor_map
-from studies.page_motion import readings
+from studies.live_footsteps import readings
 
 STAGES = ("echoes", "encoder", "likeness", "fix", "together")
 INSIDE = ("to 44.1 kHz", "envelope")
@@ -39,6 +43,11 @@ PASSES = ((1, 1), (11, 1), (1, 5))
 """Over the walk, with its sound in windows and as it comes: few, many, and many as it comes."""
 TRACKED_SPOTS, TRACKED_STEPS, TRACKED_ROUNDS = (4_000, 24_000), 40, 7
 SPOT_BYTES = 4 * (2 + 1 + 3 + 1 + 128)
+HERE = Path(__file__).parent / "page_stages"
+CHROMIUM = shutil.which("chromium")
+ARGUMENTS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking")
+PATIENCE_MS = 600_000
+TYPES = {".html": "text/html", ".js": "text/javascript"}
 
 
 def prepare(folder: Path, spots: int, rate_hz: int) -> float:
@@ -168,6 +177,71 @@ def print_processor(spent_s: Sequence[float], windows: int, walk_s: float) -> No
     print(f"processor: {1000 * (many - few) / fixes:.1f} ms for a fix from sound pushed at once")
     lived_s = walk_s * (PASSES[2][1] - PASSES[0][1])
     print(f"processor: {(live - few) / lived_s:.1%} of a core while each echo makes a fix")
+
+
+# --- a worker of the page ---
+
+
+@contextmanager
+def browsing() -> Iterator[Browser]:
+    """Chromium without a window."""
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=CHROMIUM, args=list(ARGUMENTS))
+        yield browser
+        browser.close()
+
+
+def run_in_page(browser: Browser, address: str, worker: str, given: Path) -> tuple[Any, float]:
+    """What a worker of `page_stages/` says with the files of the folder `given`.
+
+    And the processor seconds that the page took.
+    """
+    context = browser.new_context()
+    context.route("**/benchmarks/**", lambda route: _answer(route, given))
+    page, before_s = context.new_page(), processor_s(browser)
+    page.goto(f"{address.split('#', maxsplit=1)[0].rstrip('/')}/benchmarks/page.html#{worker}")
+    page.wait_for_selector("#result:not(:empty)", timeout=PATIENCE_MS)
+    said, spent_s = json.loads(page.inner_text("#result")), processor_s(browser) - before_s
+    context.close()
+    if "failed" in said:
+        raise RuntimeError(said["failed"])
+    return said, spent_s
+
+
+def processor_s(browser: Browser) -> float:
+    """Processor seconds of all pages so far."""
+    session = browser.new_browser_cdp_session()
+    processes = session.send("SystemInfo.getProcessInfo")["processInfo"]
+    session.detach()
+    return float(sum(each["cpuTime"] for each in processes if each["type"] == "renderer"))
+
+
+def _answer(route: Route, given: Path) -> None:
+    path = route.request.url.partition("/benchmarks/")[2].partition("#")[0]
+    inside = path.removeprefix("data/")
+    file = given / inside if inside != path else HERE / path
+    kind = TYPES.get(file.suffix, "application/octet-stream")
+    headers = {"Content-Type": kind, "Content-Security-Policy": CONTENT_POLICY}
+    route.fulfill(body=file.read_bytes(), headers=headers)
+
+
+def write_floor_map(folder: Path, floor_map: FloorMap, parameters: Parameters) -> None:
+    """A map as `given.js` reads it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    elf = next(item for item in floor_map.payloads if item.kind == "elf")
+    told = {"encoder": elf.encoder, "parameters": as_dict(parameters)}
+    (folder / "map.json").write_text(json.dumps(told))
+    write_f32(folder / "xy.f32", floor_map.xy_m)
+    write_f32(folder / "heading.f32", floor_map.heading_rad)
+    covariance = floor_map.covariance_m2[:, [0, 0, 1], [0, 1, 1]]
+    write_f32(folder / "covariance.f32", covariance)
+    write_f32(folder / "vectors.f32", elf.vectors)
+
+
+def write_f32(file: Path, values: F32 | F64) -> None:
+    """An array as little-endian float32."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    np.asarray(values, "<f4").tofile(file)
 
 
 if __name__ == "__main__":

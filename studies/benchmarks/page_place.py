@@ -20,20 +20,26 @@ import os
 import sys
 import tempfile
 import time
+import tomllib
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import httpx
 import numpy as np
+from PIL import Image, ImageDraw
 from playwright.sync_api import BrowserContext, Page, sync_playwright
 
+from elfslam.base.arrays import F64
 from elfslam.base.values import Fixes, FixStatus, Truth
 from elfslam.data.position_files import read_fixes
+from elfslam.data.recordings import write_recording
+from elfslam.world import worlds
+from elfslam.world.simulate import describe_chirp, simulate
 from elfslam.world.world_file import load_world
-from studies.benchmarks import desk_pictures
 from studies.benchmarks.acoustic_loop import in_time, missing_programs, pulse_audio, room_between
 from studies.benchmarks.browser_walk import (
     ARGUMENTS,
@@ -46,9 +52,11 @@ from studies.benchmarks.browser_walk import (
     plan_course,
     simulated_twin,
 )
-from studies.benchmarks.served import owner_of, serving
+from studies.benchmarks.served import PIECE, metadata, owner_of, serving
 
 MAP = "Mapped walk"
+PIXELS_PER_M = 80
+LONGEST_S = 1200
 MODES = {"tracking": "track", "one-shot": "one-shot"}
 SETTLING_S = 1.5
 """From the last step until the page has told all that it knows."""
@@ -88,12 +96,12 @@ class Errors:
 def make_map(address: str, world: str, seed: int, rounds: int, name: str = MAP) -> tuple[str, Any]:
     """Simulate a walk, send it, have it mapped; gives the map's id and the world's pose in it."""
     with owner_of(address) as client:
-        truth = desk_pictures.upload(client, name, seed, rounds, world)
-        desk_pictures.wait(client)
+        truth = upload_walk(client, name, seed, rounds, world)
+        wait_for_jobs(client)
         made = next(each for each in client.get("/api/maps").json() if each["name"] == name)
         walks = client.get(f"/api/maps/{made['id']}/view").json()["walks"]
-        desk_pictures.put_plan(client, made["id"], {name: truth}, world)
-        return str(made["id"]), desk_pictures.where(walks, {name: truth})
+        put_plan(client, made["id"], {name: truth}, world)
+        return str(made["id"]), world_in_map_of(walks, {name: truth})
 
 
 def fetch_map(address: str, map_id: str, folder: Path) -> Path:
@@ -196,7 +204,7 @@ def still(sensors: MotionSensors, course: Course, seconds: float) -> None:
 def errors_of(fixes: Fixes, truth: Truth, world_in_map: Any) -> Errors:
     """Errors of fixes whose times are those of the truth."""
     x_m, y_m, heading_rad = world_in_map
-    true = desk_pictures.truth_at(truth, list(fixes.t_s)) @ [1, 1j] * np.exp(1j * heading_rad)
+    true = truth_at(truth, list(fixes.t_s)) @ [1, 1j] * np.exp(1j * heading_rad)
     true = true + complex(x_m, y_m)
     given = np.isfinite(fixes.xy_m[:, 0])
     error_m = np.abs(fixes.xy_m[given] @ [1, 1j] - true[given])
@@ -297,6 +305,112 @@ def walk_once(course: Course, address: str, mode: str, folder: Path, seed: int) 
     ):
         page = open_page(context, address)
         return locate_walk(page, course, room, mode, folder)
+
+
+# --- a server with a map ---
+
+
+def upload_walk(
+    client: httpx.Client, name: str, seed: int, rounds: int, world: str = "studio"
+) -> Truth:
+    """Simulate a walk and send it as a .zip; gives its truth, which is not sent."""
+    recording, truth = simulate(load_world(world), seed, rounds=rounds)
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch) / "walk"
+        write_recording(replace(recording, name=name), folder, chirp_description=describe_chirp())
+        packed = io.BytesIO()
+        with zipfile.ZipFile(packed, "w") as archive:
+            for file in folder.iterdir():
+                archive.write(file, f"walk/{file.name}")
+    told = {"Upload-Length": str(len(packed.getvalue()))}
+    told["Upload-Metadata"] = metadata(filename=f"{name}.zip")
+    content = packed.getvalue()
+    client.post("/api/uploads", content=content, headers={**PIECE, **told}).raise_for_status()
+    return truth
+
+
+def start_job(client: httpx.Client, job: dict[str, Any]) -> None:
+    """Queue a job."""
+    client.post("/api/jobs", json=job).raise_for_status()
+
+
+def wait_for_jobs(client: httpx.Client) -> None:
+    """Until every recording is read and every job has ended."""
+    until_s = time.monotonic() + LONGEST_S
+    while time.monotonic() < until_s:
+        receiving = any(
+            each["state"] == "receiving" for each in client.get("/api/recordings").json()
+        )
+        open_ = any(
+            each["state"] in ("queued", "running") for each in client.get("/api/jobs").json()
+        )
+        if not (receiving or open_):
+            return
+        time.sleep(2)
+    raise SystemExit("the jobs take too long")
+
+
+def put_plan(
+    client: httpx.Client, floor: str, truths: dict[str, Truth], world: str = "studio"
+) -> F64:
+    """Draw the world's plan and lay it where the walks say that it lies; gives that pose."""
+    plan, width_m = plan_of(world)
+    address, kind = f"/api/maps/{floor}/floor-plan", {"Content-Type": "image/png"}
+    client.put(address, content=plan, headers=kind).raise_for_status()
+    walks = client.get(f"/api/maps/{floor}/view").json()["walks"]
+    x_m, y_m, heading_rad = world_in_map_of(walks, truths)
+    placement = {
+        "width_m": width_m,
+        "x_m": x_m,
+        "y_m": y_m,
+        "heading_rad": heading_rad,
+        "opacity": 0.7,
+    }
+    client.put(f"{address}/placement", json=placement).raise_for_status()
+    return np.array([x_m, y_m, heading_rad])
+
+
+def world_in_map_of(
+    walks: list[dict[str, Any]], truths: dict[str, Truth]
+) -> tuple[float, float, float]:
+    """The pose of the world in the map: the best rigid fit of true places to mapped ones."""
+    mapped = np.vstack([walk["xy_m"] for walk in walks])
+    true = np.vstack([truth_at(truth_of(truths, walk["name"]), walk["t_s"]) for walk in walks])
+    middle_map, middle_true = mapped.mean(axis=0), true.mean(axis=0)
+    one, other = (true - middle_true) @ [1, 1j], (mapped - middle_map) @ [1, 1j]
+    heading_rad = float(np.angle(np.vdot(one, other)))
+    corner = middle_map @ [1, 1j] - (middle_true @ [1, 1j]) * np.exp(1j * heading_rad)
+    return float(corner.real), float(corner.imag), heading_rad
+
+
+def truth_of(truths: dict[str, Truth], name: str) -> Truth:
+    """That of a walk; a merge puts a mark behind its name."""
+    return truths[name] if name in truths else truths[name.rpartition("-")[0]]
+
+
+def truth_at(truth: Truth, t_s: list[float]) -> np.ndarray:
+    """True places (n, 2) at some times."""
+    columns = [np.interp(t_s, truth.t_s, truth.world_from_body[:, axis]) for axis in (0, 1)]
+    return np.column_stack(columns)
+
+
+def plan_of(name: str) -> tuple[bytes, float]:
+    """A drawing of a world as PNG, and its width in metres."""
+    told = tomllib.loads((Path(worlds.__path__[0]) / f"{name}.toml").read_text())
+    width_m, depth_m = told["size_m"][:2]
+    image = Image.new(
+        "RGB", (round(width_m * PIXELS_PER_M), round(depth_m * PIXELS_PER_M)), "white"
+    )
+    draw = ImageDraw.Draw(image)
+    for piece in told["furniture"]:
+        (x, y, _), (w, d, _) = piece["corner_m"], piece["size_m"]
+        box = [v * PIXELS_PER_M for v in (x, depth_m - y - d, x + w, depth_m - y)]
+        draw.rectangle(box, fill="#eeeeee", outline="#777777", width=3)
+        draw.text((box[0] + 8, box[1] + 8), piece["name"], fill="#555555", font_size=16)
+    draw.rectangle([0, 0, image.width - 1, image.height - 1], outline="black", width=9)
+    kept = io.BytesIO()
+    image.save(kept, "PNG")
+    return kept.getvalue(), float(width_m)
 
 
 if __name__ == "__main__":

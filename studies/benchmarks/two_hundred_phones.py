@@ -39,7 +39,7 @@ from elfslam.serve.store.database import open_database
 from elfslam.serve.store.schema import upgrade
 from studies.benchmarks.own_postgresql import Postgresql, own_postgresql
 from studies.benchmarks.served import Served, processor_s, start
-from studies.city import CityParameters, Hearing, block_of, heard_now, scans_in
+from studies.floors_by_wifi import CityParameters, Hearing, block_of, heard_now, scans_in
 
 WALKS, SCANS = 2, 15
 """Of the survey of each floor."""

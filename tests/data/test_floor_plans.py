@@ -17,7 +17,7 @@ from elfslam.base.errors import InputError
 from elfslam.data.floor_plans import read_plan_geojson, read_plan_image
 from elfslam.data.geographic import Origin
 from elfslam.data.map_exports import feature, polygon_of
-from studies.benchmarks.hostile_plans import png_bomb, scanned_jpeg
+from tests.hostile_plans import png_bomb, scanned_jpeg
 
 ORIGIN = Origin(47.3769, 8.5417, 90.0)
 SQUARE = np.array([[0, 0], [6, 0], [6, 4], [0, 4]], dtype=float)

@@ -2,8 +2,7 @@
 
     python -m tests.hostile.promises [NUMBER ...]
 
-prints a table (case, wanted, got). What attacks whole commands and servers for minutes are
-`studies.benchmarks.plan_attack`, `ended_parents` and `wrong_starts`.
+prints a table (case, wanted, got). `studies.benchmarks.wrong_starts` attacks starts of servers.
 """
 
 from __future__ import annotations

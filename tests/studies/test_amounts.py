@@ -13,8 +13,8 @@ from elfslam.learn.parameters import PretrainParameters
 from elfslam.stages.feature import OnnxEncoder
 from studies import amounts
 from studies.amounts import ERROR, FINETUNED, LOSS, PRETRAINED, RECALL, STARTS, STUDY, TrainedWalk
+from studies.cached import SimulatedWalk
 from studies.results import Record
-from studies.simulated_walk import SimulatedWalk
 from studies.study import StudyContext
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from elfslam.world.simulate import load_world
-from studies.crowd import Crowd, alone, crowd_in, heard_by_all
+from studies.crowd import Crowd, crowd_in, heard_by_all
 
 
 @pytest.fixture(scope="module")
@@ -43,9 +43,3 @@ def test_another_phone_is_heard_after_its_way_and_softer(crowd: Crowd) -> None:
             begin = np.argmax(sound > 0.05 * sound.max())
             assert begin >= (way_m[row] - 0.6) / 350 * 44_100
             assert sound.max() < 0.5 * np.abs(frames[row, 0]).max()
-
-
-def test_alone_nobody_else_is_in_the_room(crowd: Crowd) -> None:
-    only = alone(crowd, 1)
-    assert only.phones == (crowd.phones[1],)
-    assert heard_by_all(only, 0, np.array([4.0])).shape == (1, 1, 4410)

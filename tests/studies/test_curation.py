@@ -102,13 +102,6 @@ def test_a_partner_between_two_footsteps_lies_ahead_or_behind(pace: float) -> No
         assert np.ptp(ahead_m) > 0.5 * STEP_M
 
 
-def test_the_covariance_is_that_of_the_parameters() -> None:
-    found = closures_of(
-        planted(same_way(50), 5, 45), along_sigma_m=0.1, across_sigma_m=0.2, heading_sigma_rad=0.3
-    )
-    npt.assert_allclose(found.covariance, np.tile(np.diag([0.01, 0.04, 0.09]), (40, 1, 1)))
-
-
 @pytest.mark.parametrize(("offset", "survives"), [(9, False), (15, True)])
 def test_neighbours_in_time_are_no_closures(offset: int, survives: bool) -> None:
     scores = np.maximum(planted(same_way(offset), 5, 60), np.eye(COUNT, dtype=np.float32))
@@ -124,40 +117,11 @@ def test_nothing_survives_without_its_mirror_image(triangle: Callable[[F32], F32
     assert len(closures_of(triangle(whole)).i) == 0
 
 
-def test_a_part_of_the_mirror_image_keeps_its_part_of_the_line() -> None:
-    scores = planted(same_way(50), 5, 45)
-    scores[55:75] = 0.0
-    found = closures_of(scores)
-    npt.assert_array_equal(found.i, np.arange(found.i[0], 45))
-    assert found.i[0] in {24, 25}
-
-
 @pytest.mark.parametrize(("slope", "width"), [(0.0, 0.5), (0.0, 1.1), (0.3, 1.1), (2.5, 1.1)])
 def test_a_line_too_flat_or_too_steep_is_no_walk(slope: float, width: float) -> None:
     scores = planted(lambda i: 60 + slope * (i - 5), 5, 21, width=width)
     assert len(candidate_pairs(scores, PARAMETERS)) >= 32
     assert len(closures_of(scores).i) == 0
-
-
-def test_a_line_too_short_is_no_walk() -> None:
-    """Four footsteps within one slice; eight are enough."""
-    assert len(closures_of(planted(same_way(48), 4, 8)).i) == 0
-    assert len(closures_of(planted(same_way(48), 4, 12)).i) == 8
-
-
-def test_few_points_make_no_line() -> None:
-    scores = planted(same_way(48), 2, 12)
-    assert len(closures_of(scores).i) == 10
-    assert len(closures_of(scores, line_points=31).i) == 0
-    assert len(closures_of(scores, cluster_points=20).i) == 0
-    assert len(closures_of(scores, cluster_points=40).i) == 0
-
-
-def test_the_threshold_is_included() -> None:
-    scores = np.zeros((COUNT, COUNT), dtype=np.float32)
-    scores[3, 50], scores[4, 51] = 0.5, 0.499
-    parameters = dataclasses.replace(PARAMETERS, threshold=0.5)
-    assert candidate_pairs(scores, parameters).tolist() == [[3, 50]]
 
 
 def test_one_closure_per_footstep_and_crossing_the_best() -> None:
@@ -172,10 +136,3 @@ def test_one_closure_per_footstep_and_crossing_the_best() -> None:
         [scores[i, max(j - 2, 0) : j + 3].max() for i, j in zip(found.i, found.j, strict=True)]
     )
     npt.assert_allclose(found.score, best)
-
-
-def test_the_same_matrix_gives_the_same_closures() -> None:
-    scores = noisy(planted(same_way(50), 5, 45), share=0.02)
-    first, second = closures_of(scores), closures_of(scores)
-    npt.assert_array_equal(first.i, second.i)
-    npt.assert_array_equal(first.i_from_j, second.i_from_j)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -37,12 +35,6 @@ def test_the_elf_knows_a_place_from_a_decimetre_away(found: list[Record]) -> Non
     assert elf[4] > 0.8 > plain[4]
     assert elf[8] < 0.5
     assert curve(found, RECALL, "mine") == plain, "the same feature under a name of its own"
-
-
-def test_measured_places_stand_beside(shared_data: Path) -> None:
-    found = list(STUDY.measure(StudyContext(shared_data), worlds=()))
-    assert {each.condition for each in found} == {"2.5 cm"}
-    assert len({each.world for each in found}) == 4
 
 
 def test_recall_counts_what_is_more_similar_than_others() -> None:

@@ -15,7 +15,6 @@ from studies.distinctness import (
     TSNE_1,
     TSNE_2,
     measure_distinctness,
-    row_of_spots,
 )
 from studies.results import Record
 from studies.study import StudyContext
@@ -41,9 +40,3 @@ def test_echoes_of_a_chirp_lie_nearest_to_their_own_spots_cloud(records: list[Re
     middles = plane.mean(axis=1)
     nearest = np.linalg.norm(plane[:, :, None] - middles, axis=3).argmin(axis=2)
     assert (nearest == np.arange(SPOTS_SHOWN)[:, None]).mean() > 0.95
-
-
-def test_five_spots_in_a_line_are_found() -> None:
-    grid = np.stack(np.meshgrid(np.arange(3) * 4.0, np.arange(8) * 1.0), axis=-1).reshape(-1, 2)
-    chosen = grid[row_of_spots(grid)]
-    np.testing.assert_allclose(np.diff(chosen, axis=0), np.tile([0.0, 1.0], (SPOTS_SHOWN - 1, 1)))

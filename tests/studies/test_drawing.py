@@ -30,12 +30,6 @@ def test_two_metrics_of_a_condition_are_a_point(kind: str) -> None:
     assert axis.lines[0].get_xydata().tolist() == [[1, 2], [3, 5]]  # type: ignore[union-attr]
 
 
-def test_one_metric_stands_over_the_number_of_its_condition() -> None:
-    results = planted(Record("a", "later", 9.0, condition="4, pair 1"))
-    [axis] = KINDS["points"](results, drawing("points")).axes
-    assert axis.lines[0].get_xydata().tolist() == [[4, 9]]  # type: ignore[union-attr]
-
-
 def test_traces_have_a_strip_each_and_returns_an_upright_in_all() -> None:
     def records() -> Iterator[Record]:
         for name in ("PSD", "ELF"):

@@ -6,13 +6,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sklearn.metrics import roc_auc_score
 
 from elfslam.app.card import ON_THE_CARD, metrics_of
+from elfslam.base.errors import InputError
 from elfslam.base.values import Odometry, Truth
 from elfslam.baselines.generic import generic_encoders
 from elfslam.stages.feature import load_encoder
-from elfslam.world.kinds import QUIET, SURVEYOR
-from studies.elf import labelled_pairs, measure_elf, sequence_similarity
+from studies.elf import (
+    area_under_curve,
+    histograms,
+    labelled_pairs,
+    measure_elf,
+    recall_at,
+    separation_records,
+    sequence_similarity,
+)
 from studies.results import Record, stamped, write_results
 from studies.study import StudyContext
 
@@ -65,10 +74,6 @@ def test_a_diagonal_is_averaged_about_its_middle() -> None:
     assert np.nanmin(made) == 0.0
 
 
-def test_a_walk_too_short_for_a_sequence_has_none() -> None:
-    assert np.isnan(sequence_similarity(np.ones((5, 5), dtype=np.float32))).all()
-
-
 @pytest.fixture(scope="module")
 def found() -> list[Record]:
     encoders = {"PSD": generic_encoders()["PSD"], "ELF": load_encoder("compact")}
@@ -90,18 +95,6 @@ def test_an_elf_knows_a_place_better_than_its_spectrum(found: list[Record]) -> N
         assert same > elsewhere - 0.02
 
 
-def test_who_walks_in_what_scenario_is_chosen() -> None:
-    encoders = {"PSD": generic_encoders()["PSD"]}
-    quiet, surveyor = (
-        measure_elf(
-            StudyContext(), worlds=("studio",), seeds=(100,), rounds=2, kind=kind, encoders=encoders
-        )[0]
-        for kind in (QUIET, SURVEYOR)
-    )
-    assert (quiet.scenario, surveyor.scenario) == ("controlled", "surveyor")
-    assert quiet.value != surveyor.value
-
-
 def test_what_the_study_gives_fits_on_a_card(found: list[Record], tmp_path: Path) -> None:
     of_one = [each for each in found if each.method == "ELF"]
     write_results(tmp_path / "elf.csv", stamped("elf", of_one, "12345678", "2026-11-28"))
@@ -109,3 +102,54 @@ def test_what_the_study_gives_fits_on_a_card(found: list[Record], tmp_path: Path
     assert len(on_card) == 2 * len(ON_THE_CARD)
     (wanted,) = (e for e in of_one if (e.metric, e.condition) == ("AUC", "1 footstep"))
     assert on_card["AUC, 1 footstep, studio"] == pytest.approx(wanted.value, rel=1e-5)
+
+
+OF = Record("ELF", "", 0.0, world="studio")
+
+
+def drawn_pairs(seed: int = 0, same: int = 400, elsewhere: int = 5000) -> tuple:
+    generator = np.random.default_rng(seed)
+    return generator.normal(0.5, 0.15, same), generator.normal(0.1, 0.15, elsewhere)
+
+
+def test_the_area_is_that_of_scikit_learn() -> None:
+    same, elsewhere = drawn_pairs()
+    truth = np.repeat([1, 0], [len(same), len(elsewhere)])
+    expected = roc_auc_score(truth, np.concatenate([same, elsewhere]))
+    assert area_under_curve(histograms(same, elsewhere)) == pytest.approx(expected, abs=1e-4)
+
+
+@pytest.mark.parametrize("rate", [0.01, 0.001])
+def test_recall_is_that_of_the_sorted_values(rate: float) -> None:
+    same, elsewhere = drawn_pairs()
+    allowed = int(rate * len(elsewhere))
+    threshold = np.sort(elsewhere)[-allowed - 1]
+    got = recall_at(histograms(same, elsewhere), rate)
+    assert got == pytest.approx(np.mean(same > threshold), abs=0.01)
+
+
+def test_one_feature_for_all_places_recalls_nothing() -> None:
+    counts = histograms(np.full(10, 0.9), np.full(100, 0.9))
+    assert area_under_curve(counts) == pytest.approx(0.5)
+    assert recall_at(counts, 0.01) == 0.0
+
+
+def test_walks_are_pooled_and_the_threshold_is_read() -> None:
+    walks = [
+        histograms(np.array([0.5, 0.39]), np.array([0.0, 0.0, 0.4, 0.2])),
+        histograms(np.array([0.41, 0.7]), np.array([0.1, 0.1, 0.1, 0.1])),
+    ]
+    found = {each.metric: each for each in separation_records(walks, 0.4, OF)}
+    assert found["recall at 0.4"].value == 0.75
+    assert found["false positives at 0.4"].value == 0.125
+    assert found["mean similarity, same place"].value == pytest.approx(0.5, abs=0.001)
+    recall = found["recall at 1 % false positives"]
+    assert (recall.value, recall.low, recall.high, recall.world) == (0.75, 0.5, 1.0, "studio")
+
+
+def test_walks_that_never_return_are_left_out_and_refused_alone() -> None:
+    empty = histograms(np.array([]), np.array([0.1]))
+    whole = histograms(np.array([0.9]), np.array([0.1]))
+    assert separation_records([empty, whole], 0.4, OF) == separation_records([whole], 0.4, OF)
+    with pytest.raises(InputError, match="no walk comes back to a place"):
+        separation_records([empty], 0.4, OF)

@@ -15,7 +15,6 @@ from elfslam.world.phone import C64, Transducers
 from elfslam.world.pulses import Air
 from elfslam.world.room import Room, check_outline
 from elfslam.world.scene import Scene
-from studies import fidelity
 from studies.fidelity import (
     compare_room,
     measure_fidelity,
@@ -54,18 +53,6 @@ def test_what_one_engine_lacks_shows(monkeypatch: pytest.MonkeyPatch) -> None:
     assert compare_room(random_shoebox, 0.0, 0).correlation < 0.99
 
 
-def test_a_path_of_one_engine_alone_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = pyroom.visible_images
-
-    def but_the_loudest(*given: object) -> tuple[F64, ...]:
-        length_m, gain, order = whole(*given)  # type: ignore[arg-type]
-        keep = length_m > length_m.min()
-        return length_m[keep], gain[keep], order[keep]
-
-    monkeypatch.setattr(pyroom, "visible_images", but_the_loudest)
-    assert compare_room(random_polygon, 0.0, 3).only_one == 1
-
-
 @pytest.mark.parametrize("draw", [random_shoebox, random_polygon])
 def test_random_rooms_are_sound_and_the_same_for_a_seed(draw: Draw) -> None:
     for seed in range(10):
@@ -79,9 +66,3 @@ def test_random_rooms_are_sound_and_the_same_for_a_seed(draw: Draw) -> None:
         ends = random_ends(room, 0.5, np.random.default_rng(seed))
         assert room.is_free(np.vstack([ends.speaker, ends.microphone])[:, :2], 1.0, 0.2).all()
         np.testing.assert_allclose(np.linalg.norm(ends.speaker_axis), 1.0)
-
-
-def test_most_random_polygons_are_not_convex() -> None:
-    rooms = [random_polygon(np.random.default_rng(seed)) for seed in range(20)]
-    convex = [fidelity.scene_of(room).convex for room in rooms]
-    assert sum(convex) < 10

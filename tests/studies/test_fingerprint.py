@@ -44,12 +44,6 @@ def test_planted_spots_are_named_in_echoes_not_heard_before(network: SpotClassif
     assert np.mean(named_spots(network, samples) == spot) > 0.9
 
 
-def test_rows_are_row_by_row(network: SpotClassifier) -> None:
-    samples, _ = labelled(3, 2)
-    alone = [named_spots(network, samples[k : k + 1])[0] for k in range(len(samples))]
-    assert alone == named_spots(network, samples).tolist()
-
-
 def test_the_same_seed_gives_the_same_classifier() -> None:
     quick = FingerprintParameters(epochs=1, batch=16)
     shares: list[float] = []

@@ -9,6 +9,7 @@ from elfslam.stages.floor_plan_alignment import AnchoringParameters
 from elfslam.world.room import standing_room
 from elfslam.world.simulate import load_world, simulate
 from studies import floor_plan
+from studies.cached import SimulatedWalk
 from studies.floor_plan import (
     ERROR,
     OFFERED,
@@ -20,7 +21,6 @@ from studies.floor_plan import (
     measure_floor_plan,
     plan_of,
 )
-from studies.simulated_walk import SimulatedWalk
 from studies.study import StudyContext
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,21 +11,16 @@ from scipy.ndimage import gaussian_filter1d
 
 from elfslam.base.arrays import F32, F64
 from elfslam.baselines.generic import generic_encoders, unit_rows
-from elfslam.stages.feature import walk_vectors
 from elfslam.world.kinds import PEOPLE, QUIET
 from elfslam.world.world_file import load_world
 from studies.lap_echoes import (
     CHANGES,
     MOVED_M,
-    PHONE_AND_DAY,
     Crowd,
     Places,
     _asking,
-    footsteps_of,
     joined,
     mapped_lap,
-    own_lane_m,
-    spots_of,
     strange_laps,
     venue_of,
 )
@@ -36,15 +30,11 @@ from studies.laps import (
     KEPT_OVER_1_M,
     STUDY,
     Answers,
-    Feature,
     _means,
     answers_by,
     beside,
     best_answers,
     condition_of,
-    crowds,
-    features_of,
-    hear_crowd,
     least_likeness,
     measure_laps,
     numbers_of,
@@ -142,11 +132,6 @@ def test_the_threshold_is_the_least_that_leaves_one_in_twenty_wrong() -> None:
     assert numbers_of(together, 0.701)[KEPT_OVER_1_M] == pytest.approx(2 / 40)
 
 
-def test_where_all_is_wrong_nothing_is_answered() -> None:
-    wrong = answered([1.0, 0.4], [2.0, 9.0])
-    assert numbers_of(wrong, least_likeness([wrong]))["answered"] == 0.0
-
-
 def test_worlds_count_alike_for_the_threshold() -> None:
     """A hundred answers of a small world weigh as much as ten thousand of a large one."""
     small = answered([0.5] * 100, [5.0] * 100)
@@ -224,54 +209,6 @@ def test_who_stands_is_not_heard() -> None:
     assert lap.t_s[0] > 0.5, "standing before the lap is left out"
 
 
-def test_spots_stand_at_echoes_and_footsteps_at_every_sixth() -> None:
-    lap = mapped_lap(venue_of(*VENUE), 0.3, 100, 0)
-    spots, steps = spots_of(lap, SPECTROGRAM), footsteps_of(lap, SPECTROGRAM)
-    np.testing.assert_array_equal(spots.xy_m, lap.xy_m)
-    assert len(lap.t_s) / 6 - 6 < len(steps.xy_m) <= len(lap.t_s) / 6
-    first = walk_vectors(lap.samples[:6], SPECTROGRAM).mean(axis=0)
-    np.testing.assert_allclose(steps.vectors[0], first, atol=1e-6)
-    np.testing.assert_allclose(steps.xy_m[0], lap.xy_m[2:4].mean(axis=0), atol=0.02)
-
-
-def test_a_lap_knows_itself_again() -> None:
-    lap = mapped_lap(venue_of(*VENUE), 0.3, 100, 0)
-    itself = answers_by(footsteps_of(lap, SPECTROGRAM), spots_of(lap, SPECTROGRAM))
-    assert np.median(itself.error_m) < 0.15
-    assert np.mean(itself.error_m > 1.0) < 0.05
-
-
-def test_each_crowd_walks_once() -> None:
-    own_m = own_lane_m("studio")
-    found = crowds(["studio"], PEOPLE.name, (0.1,), (0, 1), (2, 8), (0,))
-    assert [(crowd.lane_m, crowd.seed, crowd.laps) for crowd in found] == [
-        (0.1, 0, (FEW,)), (0.1, 1, (FEW,)), (own_m, 0, (2, FEW, 8)), (own_m, 1, (FEW,)),
-    ]  # fmt: skip
-    assert {crowd.laps for crowd in crowds(["studio"], PEOPLE.name, (), (), (2,), (0,))} == {(2,)}
-
-
-def test_a_map_of_fewer_laps_is_the_first_of_more() -> None:
-    features = (Feature("plain", SPECTROGRAM.identity, SPECTROGRAM),)
-    fewer, more = (
-        hear_crowd(Crowd(*VENUE, 0.3, 100, (count,)), features=features)["plain"].answers
-        for count in (1, 3)
-    )
-    assert (len(fewer), len(more)) == (1, 3)
-    np.testing.assert_array_equal(fewer[0].likeness, more[0].likeness)
-    np.testing.assert_array_equal(fewer[0].error_m, more[0].error_m)
-
-
-def test_features_travel_and_are_shown_without_their_weights() -> None:
-    features = features_of({"deaf": Deaf()})
-    assert [each.name for each in features][-1] == "deaf"
-    samples = np.random.default_rng(0).standard_normal((2, 2352)).astype(np.float32)
-    for each in features:
-        there = pickle.loads(pickle.dumps(each))
-        assert repr(there) == repr(each)
-        assert len(repr(each)) < 120
-        np.testing.assert_array_equal(there.encoder.embed(samples), each.encoder.embed(samples))
-
-
 @pytest.fixture(scope="module")
 def found(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, str, str], float]:
     return small(tmp_path_factory.mktemp("kept") / "laps.partial")
@@ -283,9 +220,7 @@ def small(kept: Path) -> dict[tuple[str, str, str], float]:
     return {(each.method, each.condition, each.metric): each.value for each in records}
 
 
-def test_echoes_tell_places_and_the_deaf_do_not(
-    found: dict[tuple[str, str, str], float],
-) -> None:
+def test_echoes_tell_places_and_the_deaf_do_not(found: dict[tuple[str, str, str], float]) -> None:
     lanes, recall = "0.1 m lanes", "recall at 1 %, 0 to 0.15 m"
     assert found["ELF", lanes, MEDIAN_M] < 0.5
     assert found["deaf", lanes, MEDIAN_M] > 1.5
@@ -294,15 +229,6 @@ def test_echoes_tell_places_and_the_deaf_do_not(
     assert ("deaf", lanes, KEPT_MEDIAN_M) not in found, "nothing is kept, so there is no error"
     assert found["ELF", lanes, recall] > 0.5
     assert found["deaf", lanes, recall] == 0.0
-
-
-def test_on_a_quiet_day_it_does_not_matter_what_would_change(
-    found: dict[tuple[str, str, str], float],
-) -> None:
-    """Who asks on a quiet day has the phone and the day of the mapping."""
-    for asked_by in set(CHANGES) - {PHONE_AND_DAY}:
-        for metric in (MEDIAN_M, OVER_1_M, "answered"):
-            assert found["ELF", asked_by, metric] == found["ELF", "2 laps", metric]
 
 
 def test_recall_is_of_all_places_of_all_seeds() -> None:

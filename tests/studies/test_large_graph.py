@@ -4,15 +4,7 @@ import numpy as np
 
 from elfslam.base.geometry import between
 from elfslam.stages.graph.uncertainty import residuals
-from studies.benchmarks.large_graph import (
-    APART,
-    SIGMA,
-    City,
-    city,
-    error_m,
-    solved,
-    solved_by,
-)
+from studies.benchmarks.large_graph import APART, SIGMA, City, city, error_m, solved, solved_by
 from studies.pose_graphs import PLAIN_LM
 
 

@@ -16,6 +16,7 @@ from studies.localization import (
     paper_m,
 )
 from studies.located import MEDIAN_M
+from studies.plain_features import PLAIN
 from studies.results import Record
 from studies.study import StudyContext
 
@@ -45,6 +46,13 @@ def test_answers_are_counted_here_and_in_another_room(
         assert found["ELF", way, ANSWERED_ELSEWHERE] < 0.15
     assert found["magnetic", TRAJECTORY, "answered"] == 1.0
     assert found[ALWAYS_ANSWERED.format("log spectrogram"), ONE_SHOT, "answered"] > 0.95
+
+
+def test_hand_made_features_go_through_the_particle_filter_too(
+    found: dict[tuple[str, str, str], float],
+) -> None:
+    assert found[PLAIN, TRACK, "answered"] > 0.95
+    assert found[PLAIN, TRACK, MEDIAN_M] < 0.5
 
 
 def test_the_papers_figures_stand_beside_ours() -> None:

@@ -4,20 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-import pytest
-
 from studies.magnetic_left_out import (
     CHOICE_SEEDS,
     LEFT_OUT,
     DriftedWalk,
     Errors,
     best_choice,
-    hall_walk,
     measure_magnetic_left_out,
-    measure_walk,
 )
-from studies.magnetic_walks import RECKONED, RMSE, measure_magnetic_walks, rmse_m
+from studies.magnetic_walks import RECKONED, RMSE, measure_magnetic_walks
 from studies.study import StudyContext
 
 BOLD, SHY = (0.45, 0.5, 0.35), (0.65, 3.0, 0.25)
@@ -47,23 +42,8 @@ def test_a_set_is_mapped_with_what_the_other_chose(shared_data: Path) -> None:
         assert found[name, LEFT_OUT, RMSE] < 0.8 * found[name, RECKONED, RMSE]
 
 
-def test_without_closures_a_walk_stays_as_it_drifted(shared_data: Path) -> None:
-    drifted, mapped = measure_walk(DriftedWalk("square", 101), shared_data, [NOBODY])
-    assert mapped.value == pytest.approx(drifted.value, rel=0.05)
-
-
 def test_the_field_takes_most_of_the_drift_out(shared_data: Path) -> None:
     records = measure_magnetic_walks(StudyContext(shared_data), sets=("square",), seeds=(0,))
     found = {(r.method, r.condition): r.value for r in records if r.metric == RMSE}
     for levelled in ("levelled by roll and pitch", "not levelled"):
         assert found["magnetic", levelled] < 0.4 * found[RECKONED, ""]
-
-
-def test_the_simulated_hall_is_long_and_drifts_by_metres() -> None:
-    recording, truth = hall_walk(np.random.default_rng(0))
-    assert recording.odometry is not None
-    assert recording.magnetometer is not None
-    steps_m = np.linalg.norm(np.diff(truth.world_from_body[:, :2], axis=0), axis=1)
-    assert steps_m.sum() > 200
-    drifted_m = rmse_m(recording.odometry.t_s, recording.odometry.world_from_body, truth)
-    assert 3 < drifted_m < 8

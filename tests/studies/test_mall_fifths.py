@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from planted_floor import walk_along
 
-from elfslam.base.errors import InputError
 from elfslam.base.values import NO_CLOSURES
 from elfslam.baselines.floor_places import floor_places
 from elfslam.baselines.floor_walks import FloorParameters, corrected, floor_map
@@ -25,11 +24,6 @@ from studies.mall_fifths import (
     split_walks,
 )
 from studies.study import StudyContext
-
-
-def test_real_walks_are_wanted():
-    with pytest.raises(InputError, match="wanted real walks"):
-        measure_mall_fifths(StudyContext())
 
 
 def test_a_few_real_walks_in_small_and_goes_on_where_it_was(shared_data, tmp_path):

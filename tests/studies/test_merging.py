@@ -2,31 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any, NoReturn
-
 import numpy as np
 import pytest
 
 from elfslam.base.values import Trajectory, Truth
 from elfslam.scoring.errors import Alignment, position_errors
-from elfslam.world.kinds import ASKING_PHONE, DAYS_LATER, MAPPING_PHONE, PEOPLE
-from studies import merged_walks
+from elfslam.world.kinds import PEOPLE
 from studies.mapping import MEDIAN_ALIGNED
-from studies.merged_walks import (
-    FIRST,
-    MAP,
-    MOVED,
-    SECOND,
-    WALKS,
-    WHOLE,
-    Stroll,
-    one_after_another,
-    recorded,
-    truly_apart_m,
-)
 from studies.merging import (
     APART,
     CHANGED,
+    FIRST,
+    MAP,
+    MOVED,
     OPPOSITE,
     OTHER,
     OVERLAP,
@@ -34,10 +22,17 @@ from studies.merging import (
     REFUSED,
     RIGHT,
     SAME,
+    SECOND,
     STUDY,
+    WALKS,
+    WHOLE,
     WRONG,
+    Stroll,
     _drawn,
     measure_merging,
+    one_after_another,
+    recorded,
+    truly_apart_m,
 )
 from studies.results import Record
 from studies.study import StudyContext
@@ -76,26 +71,6 @@ def test_a_pair_is_what_it_is_called(common: str) -> None:
         assert pair.other.state == (MOVED if common == CHANGED else "")
         assert (pair.one.later, pair.other.later) == (False, True)
         assert pair.one.kind == pair.other.kind == PEOPLE.name
-
-
-@pytest.mark.parametrize(
-    ("later", "phone", "day"), [(False, MAPPING_PHONE, 0), (True, ASKING_PHONE, DAYS_LATER)]
-)
-def test_who_walks_later_has_another_phone(
-    later: bool, phone: str, day: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked: dict[str, Any] = {}
-
-    def listen(*_: object, **given: object) -> NoReturn:
-        asked.update(given)
-        raise InterruptedError
-
-    monkeypatch.setattr(merged_walks, "simulate", listen)
-    with pytest.raises(InterruptedError):
-        recorded(Stroll("studio", 131, state=MOVED, later=later, kind=PEOPLE.name))
-    today = asked["circumstances"]
-    assert (today.device, today.day, today.state) == (phone, day, MOVED)
-    assert asked["walker"] == PEOPLE.walker
 
 
 def test_two_parts_of_a_route_share_no_ground() -> None:

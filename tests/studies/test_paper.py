@@ -12,30 +12,17 @@ from elfslam.stages.feature import load_encoder
 from elfslam.world.simulate import load_world, simulate
 from studies import paper
 from studies.paper import (
-    CHANGES,
     MAPPING,
     OPPOSITE,
     PAPER_M,
     RECKONED,
     STRATEGY,
     USUAL,
-    WORLDS,
     measure_paper,
-    paper_m,
 )
-from studies.plain_features import PLAIN
-from studies.results import Record
 from studies.study import StudyContext
 
 QUICK = ScratchParameters(steps=2, pairs=16, threads=1)
-
-
-def test_what_the_paper_tells_is_of_its_places() -> None:
-    assert {world for figures in PAPER_M.values() for world in figures} == set(WORLDS)
-    assert {(STRATEGY, condition) for condition in CHANGES} <= set(PAPER_M)
-    mapped = Record(STRATEGY, "median error (m)", 0.2, world="mall", condition=MAPPING)
-    assert paper_m(mapped) == 0.45
-    assert paper_m(Record(PLAIN, "median error (m)", 0.2, world="mall", condition=MAPPING)) is None
 
 
 def shipped_as_pretrained(file: Path, *_: object) -> None:
@@ -62,9 +49,7 @@ def test_a_recipe_is_trained_once_and_another_anew(
     assert {file.parent for file in trained} == {tmp_path / "encoders"}
 
 
-def test_the_opposite_heading_costs_what_nothing_else_does(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_opposite_heading_costs_what_nothing_else_does(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = {name: {"studio": 1.0} for name in PAPER_M if name[1] in {"one-shot", OPPOSITE}}
     asked |= {name: {} for name in PAPER_M if name not in asked}
     monkeypatch.setattr(paper, "PAPER_M", asked)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from elfslam.base.values import Similarity
+from studies.cached import SimulatedWalk
 from studies.curation import CurationParameters
 from studies.paper_figures import (
     CANDIDATES,
@@ -23,7 +24,6 @@ from studies.paper_figures import (
     trajectories,
 )
 from studies.plain_features import ELF
-from studies.simulated_walk import SimulatedWalk
 
 WALK = SimulatedWalk("studio", 100, 3, "surveyor")
 

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from elfslam.base.errors import InputError
-from elfslam.base.values import ECHO_SAMPLES, Echoes, silent
+from elfslam.base.values import ECHO_SAMPLES, Echoes
 from elfslam.learn.parameters import ScratchParameters
 from elfslam.stages.feature import OnnxEncoder
-from studies.paper_training import AS_IN_PAPER, learnt_from_walk, pretrain_as_in_paper
+from studies.paper_training import learnt_from_walk
 
 FEW = replace(ScratchParameters(), steps=40, pairs=32, near_s=1.0, threads=1)
 
@@ -75,13 +74,3 @@ def test_the_statistics_of_a_start_stay(walk: Echoes, learnt: OnnxEncoder) -> No
     idle = replace(FEW, steps=5, learning_rate=1e-9)
     same = learnt_from_walk(walk, idle, seed=5, start=learnt)
     np.testing.assert_allclose(same.embed(walk.samples), learnt.embed(walk.samples), atol=1e-4)
-
-
-def test_a_recipe_gives_one_encoder(tmp_path: Path) -> None:
-    few, made = replace(AS_IN_PAPER, steps=2, pairs=16), []
-    for name, steps in (("one", 2), ("again", 2), ("longer", 3)):
-        file = tmp_path / name / "encoder.onnx"
-        pretrain_as_in_paper(file, replace(few, steps=steps), silent)
-        assert [path.name for path in file.parent.iterdir()] == ["encoder.onnx"]
-        made.append(file.read_bytes())
-    assert made[0] == made[1] != made[2]

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from elfslam.base.errors import InputError
 from elfslam.data.map_exports import read_g2o
 from studies.pose_graphs import (
     COST,
@@ -45,8 +44,3 @@ def test_what_is_injected_says_that_random_poses_are_one(shared_data: Path) -> N
     assert attacked.is_closure[-13:].all()
     np.testing.assert_array_equal(injected(graph, 0.5, 7).edges, attacked.edges)
     assert (injected(graph, 0.5, 8).edges[-13:] != false).any()
-
-
-def test_without_recordings_it_says_so() -> None:
-    with pytest.raises(InputError, match="ELFSLAM_DATA"):
-        STUDY.check("pose-graphs", None)

@@ -20,7 +20,6 @@ from studies.real_rooms import (
     echo_of,
     measure_real_rooms,
     own,
-    read_responses,
     recognised,
 )
 from studies.study import StudyContext
@@ -78,14 +77,6 @@ def test_known_places_are_recognised_and_others_are_not(planted: Path) -> None:
     assert value["deaf", PLAIN, top_1] < 1.0
 
 
-def test_the_gallery_is_the_first_state_at_the_first_microphone() -> None:
-    vectors = np.random.default_rng(0).standard_normal((2, 3, 2, 40)).astype(np.float32)
-    vectors[1, :, 0] = vectors[0, :, 0]
-    vectors[1, :, 1] = np.roll(vectors[0, :, 0], 1, axis=0)
-    assert recognised(vectors, 0).tolist() == [[True, True, True]]
-    assert recognised(vectors, 1).tolist() == [[False, False, False]]
-
-
 def test_what_a_microphone_adds_to_every_place_is_taken_away() -> None:
     generator = np.random.default_rng(0)
     vectors = np.repeat(generator.standard_normal((1, 5, 2, 40)), 3, axis=0).astype(np.float32)
@@ -99,13 +90,3 @@ def test_what_a_microphone_adds_to_every_place_is_taken_away() -> None:
 def test_absent_recordings_are_refused(tmp_path: Path, *, given: bool) -> None:
     with pytest.raises(InputError, match="is absent; pass --data or set ELFSLAM_DATA"):
         measure_real_rooms(StudyContext(tmp_path if given else None))
-
-
-@pytest.mark.parametrize(
-    ("circle_m", "names"), [(2.0, ["centre", "front"]), (1.5, ["centre", "front", "back"])]
-)
-def test_the_real_responses_are_read(shared_data: Path, circle_m: float, names: list[str]) -> None:
-    responses, rate_hz, microphones = read_responses(shared_data, circle_m)
-    assert responses.shape == (8, 12, len(names), 6240)
-    assert rate_hz == RATE_HZ
-    assert microphones == names

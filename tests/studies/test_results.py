@@ -12,7 +12,6 @@ from elfslam.base.errors import InputError
 from studies import results
 from studies.results import (
     Record,
-    Result,
     averaged,
     changed_since,
     code_of,
@@ -105,10 +104,3 @@ def test_prose_makes_no_result_stale_and_code_does(project: Path) -> None:
 
 def test_of_an_unknown_commit_everything_has_changed(project: Path) -> None:
     assert changed_since("0" * 40, "gait") == ["studies/gait.py"]
-
-
-def test_results_name_the_encoder_that_is_shipped() -> None:
-    (made,) = stamped("mapping", [MEDIAN], "a", "b")
-    assert isinstance(made, Result)
-    assert made.encoder == results.encoder_digest()
-    assert len(made.encoder) == results.DIGITS

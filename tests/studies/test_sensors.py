@@ -10,12 +10,10 @@ import pytest
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Imu, Magnetometer, Recording, Truth, WifiScans
-from elfslam.world.wifi import walls_crossed
 from studies.sensors import (
     WAYPOINT_SIGMA_M,
     WAYPOINTS_M,
     as_tapped,
-    hall,
     measure_sensors,
     statistics,
     unevenness,
@@ -123,29 +121,6 @@ def test_waypoints_are_tapped_on_the_way_and_a_little_off() -> None:
     assert np.diff(tapped.t_s) == pytest.approx(WAYPOINTS_M, abs=0.05)
     assert off_m.std(axis=0) == pytest.approx([WAYPOINT_SIGMA_M] * 2, rel=0.2)
     assert np.isnan(tapped.world_from_body[:, 2]).all()
-
-
-def test_displacements_of_a_straight_walk_err_along_and_not_across() -> None:
-    """A planted gait whose steps the line takes for shorter or longer than they are."""
-    recording, truth = walk_of(0)
-    t_s = np.arange(0.0, truth.t_s[-1], 5.0)
-    ways = Truth(t_s, np.column_stack([t_s, 0 * t_s, np.full(len(t_s), np.nan)]))
-    found = statistics([[(recording, ways)]])
-    along, across = (found[f"displacement error {way} (m)", "20 m"] for way in ("along", "across"))
-    assert across < 0.01
-    assert along > 0.5
-    assert found["displacement error along (m)", "60 m"] == pytest.approx(3 * along, rel=0.15)
-
-
-def test_the_hall_has_open_floor_and_shops_around() -> None:
-    world = hall()
-    around = world.surroundings
-    assert around is not None
-    middle, corner = world.room.size_m[:2] / 2, world.room.size_m[:2] - 1
-    assert walls_crossed(corner[None, :], middle, around.walls_m)[0] == 0
-    outside = np.array([[-15.0, 20.0], [95.0, 20.0]])
-    assert walls_crossed(outside, middle, around.walls_m).tolist() == [2, 4]
-    assert len({point.bssid for point in around.access_points}) == len(around.access_points)
 
 
 def test_the_simulation_is_near_the_mall(shared_data: Path) -> None:

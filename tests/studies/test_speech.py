@@ -13,7 +13,7 @@ from elfslam.base.errors import InputError
 from elfslam.world.interference import speech_like
 from studies import eavesdropping
 from studies import speech as study
-from studies.eavesdropping import OUT_HZ, as_sent, enhanced, line_of, shifted, vocoded
+from studies.eavesdropping import OUT_HZ, as_sent, enhanced, line_of, shifted
 from studies.results import Record
 from studies.speech import (
     BEFORE,
@@ -28,7 +28,6 @@ from studies.speech import (
     moved_into_band,
     padded,
     share_in_band_db,
-    talker_response,
     utterances,
     with_hiss,
 )
@@ -121,26 +120,6 @@ def test_a_low_rate_recording_is_given_a_hiss_of_its_own_rhythm() -> None:
     assert np.abs(off[hz < 12_000]).max() < 0.1 * np.abs(off).max()
 
 
-@pytest.mark.skipif(
-    not study.WORDS.is_dir() or shutil.which("espeak-ng") is None,
-    reason="no voices: apt-get install alsa-utils espeak-ng",
-)
-def test_installed_voices_are_found() -> None:
-    found = utterances(None, most=1)
-    assert {"words", "made"} <= {each.kind for each in found}
-    for each in found:
-        assert np.sqrt(np.mean(each.samples**2)) == pytest.approx(1)
-        assert len(each.samples) > 1.5 * RATE_HZ
-        assert -70 < share_in_band_db(each.samples) < -20
-
-
-def test_the_talker_is_heard_at_once_and_from_the_walls_later() -> None:
-    response = talker_response()
-    assert response[0] == response.max() > 0
-    assert np.argmax(np.cumsum(response**2) > 0.99 * np.sum(response**2)) / RATE_HZ * 10 > 0.15
-    assert len(response) <= 0.3 * RATE_HZ + 1
-
-
 @pytest.fixture(scope="module")
 def tone_frames() -> object:
     """Of a 16 kHz tone."""
@@ -157,18 +136,6 @@ def test_a_tone_of_the_band_is_moved_where_it_is_said(tone_frames: object) -> No
         assert np.fft.rfftfreq(len(made[name]), 1 / OUT_HZ)[power.argmax()] == pytest.approx(
             wanted_hz, abs=15
         )
-
-
-def test_noise_follows_the_loudness_of_the_band() -> None:
-    rhythm = np.repeat([0.0, 1.0, 0.0, 1.0, 0.0], RATE_HZ // 2)
-    tone = rhythm * np.cos(2 * np.pi * 16_000 * np.arange(len(rhythm)) / RATE_HZ)
-    frames = kept_of(
-        heard_by_phone(tone, Circumstance(-20.0, chirps=False), np.random.default_rng(0)),
-        chirps=False,
-    )
-    for sound in vocoded(frames).values():
-        tenths = [np.std(sound[k * OUT_HZ // 10 :][: OUT_HZ // 10]) for k in range(24)]
-        assert min(tenths[6], tenths[8], tenths[16], tenths[18]) > 10 * max(tenths[2], tenths[13])
 
 
 def test_what_frames_have_in_common_is_taken_out_and_the_rest_stays() -> None:

@@ -12,18 +12,13 @@ from studies.spots import (
     COUNT,
     GUESS,
     MEAN_M,
-    POINTS,
     RECOGNISED,
-    SPACING,
     Point,
     Recipe,
     Repeat,
     measure_repeat,
-    measure_spots,
     spots_apart,
-    spots_of,
 )
-from studies.study import StudyContext
 
 
 @pytest.mark.parametrize("spacing_m", [0.25, 1.0, 3.0])
@@ -43,39 +38,9 @@ def test_a_room_too_small_for_the_spots_is_refused() -> None:
         spots_apart(load_world("lab").room, 9.0, 16, np.random.default_rng(0))
 
 
-def test_marked_spots_are_drawn_once_each() -> None:
-    world = load_world("lab")
-    found = spots_of(Point(COUNT, 128, 1), world, np.random.default_rng(0))
-    assert len(np.unique(found, axis=0)) == 128
-    assert len(spots_of(Point(SPACING, 2.0, 1), world, np.random.default_rng(0))) == 16
-
-
-def test_few_spots_are_learnt_for_as_many_steps_as_needed() -> None:
-    recipe = Recipe(learnt=40, batch=32, epochs=4, fewest_steps=120)
-    assert recipe.epochs_for(8) * (8 * 40 // 32) == 120
-    assert recipe.epochs_for(128) == 4
-    assert Recipe(learnt=1, batch=32, fewest_steps=5).epochs_for(2) == 5
-
-
 def test_spots_are_recognised_that_were_learnt() -> None:
     recipe = Recipe(learnt=20, queried=5, batch=20, fewest_steps=40)
     records = measure_repeat(Repeat(Point(COUNT, 2, 1), 0, recipe))
     found = {(each.method, each.metric): each.value for each in records}
     assert found["same visit", RECOGNISED] > 0.8
     assert found["same visit", MEAN_M] < found[GUESS, MEAN_M]
-
-
-def test_each_point_is_the_mean_of_its_repeats() -> None:
-    points = (Point(SPACING, 1.0, 1), Point(COUNT, 2, 2))
-    hardly = Recipe(learnt=6, queried=2, batch=6, epochs=1, fewest_steps=1)
-    records = measure_spots(StudyContext(), points=points, recipe=hardly)
-    guesses = {each.condition: each for each in records if each.method == GUESS}
-    assert [each.seeds for each in guesses.values()] == ["0", "0 to 1"]
-    assert set(guesses) == {"1 m apart", "2 spots"}
-    assert all(0 <= each.value <= 1 for each in records if each.metric == RECOGNISED)
-
-
-def test_the_full_study_has_the_points_of_the_paper() -> None:
-    spacings, counts = ([p.at for p in POINTS if p.varied == v] for v in (SPACING, COUNT))
-    assert spacings == [0.25, 0.5, 1.0, 2.0, 3.0]
-    assert counts == [8, 16, 32, 64, 128]

@@ -7,24 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from elfslam.base.arrays import F32, F64
-from elfslam.base.values import Echoes, silent
-from elfslam.stages.feature import load_encoder, walk_vectors
-from studies import opposite_ways
 from studies.floor_spots import (
-    DIRECTIONS_RAD,
-    MEAN_M,
-    OVER_1_M,
     SUPERIMPOSED,
     TOGETHER,
     Spots,
-    error_numbers,
     fixes_m,
     floor_of,
-    heard,
-    quantile_numbers,
 )
-from studies.opposite_ways import PLACED, Mapped, Ways, mapped
+from studies.opposite_ways import PLACED, Ways
 from studies.study import StudyContext
 from studies.superimposition import measure_superimposition
 
@@ -57,17 +47,6 @@ def test_spots_are_neighbours_on_the_grid() -> None:
     assert len(floor_of(Spots()).spots_m) == 4000
 
 
-def test_traces_of_one_direction_resemble_each_other_more_than_those_of_others() -> None:
-    floor, generator = floor_of(FEW), np.random.default_rng(0)
-    place_m = np.repeat(floor.spots_m[:1], 8, axis=0)
-    rows = heard(floor, place_m, np.repeat(DIRECTIONS_RAD[[0, 2]], 4), generator)
-    assert rows.shape == (8, 2352)
-    level = np.abs(np.fft.rfft(rows, axis=1))[:, 800:1100]
-    level /= np.linalg.norm(level, axis=1, keepdims=True)
-    alike = level @ level.T
-    assert alike[:4, :4].mean() > alike[:4, 4:].mean()
-
-
 def test_a_fix_lies_between_the_spots_that_sound_alike() -> None:
     spots_m = np.array([[0.0, 0.0], [0.2, 0.0], [9.0, 0.0]])
     spots = np.array([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]], dtype=np.float32)
@@ -76,51 +55,3 @@ def test_a_fix_lies_between_the_spots_that_sound_alike() -> None:
     vectors[1:TOGETHER] = [0.0, 3.0]
     alone, all_six = (fixes_m(vectors, k, spots, spots_m)[0] for k in (1, TOGETHER))
     np.testing.assert_allclose([alone, all_six], [[0.1, 0], [9, 0]])
-
-
-def test_errors_have_a_share_of_gross_ones() -> None:
-    found_m, truth_m = np.array([[0.0, 0.0], [3.0, 4.0]]), np.zeros((2, 2))
-    errors = error_numbers(found_m, truth_m)
-    assert (errors[MEAN_M], errors[OVER_1_M]) == (2.5, 0.5)
-    quantiles = quantile_numbers(found_m, truth_m)
-    assert (quantiles["50 %"], next(iter(quantiles))) == (2.5, "10 %")
-
-
-def test_maps_of_both_ways_lie_in_one_frame() -> None:
-    there, back = (mapped(SHORT, 100, reverse=way) for way in (False, True))
-    for walk in (there, back):
-        off_m = np.linalg.norm((walk.poses - walk.truth)[:, :2], axis=1)
-        assert np.median(off_m) < 0.6
-    ahead = np.unwrap(there.poses[:, 2])[-1] - there.poses[0, 2]
-    behind = np.unwrap(back.poses[:, 2])[-1] - back.poses[0, 2]
-    assert ahead * behind < 0, "the one turns left, the other right"
-
-
-def test_who_asks_and_who_maps_lose_what_their_echoes_share(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    generator, shipped = np.random.default_rng(0), load_encoder("compact")
-    sounds = generator.normal(0, 1e-3, (3, 60, 2352)).astype(np.float32)
-    poses = np.column_stack([np.linspace(0, 5, 60), np.zeros((60, 2))])
-    walks = iter(
-        [
-            Mapped(Echoes(np.arange(60.0), each, np.empty((0, 2))), poses, poses)
-            for each in sounds[:2]
-        ]
-    )
-    asked, spots = [], []
-
-    def found(vectors: F32, together: int, known: F32, xy_m: F64) -> F64:
-        asked.append(vectors)
-        spots.append(known)
-        return np.zeros((10, 2))
-
-    monkeypatch.setattr(opposite_ways, "mapped", lambda *_, **__: next(walks))
-    monkeypatch.setattr(opposite_ways, "_asked", lambda task: (np.zeros((10, 2)), sounds[2]))
-    monkeypatch.setattr(opposite_ways, "_learnt", lambda *_: shipped)
-    monkeypatch.setattr(opposite_ways, "fixes_m", found)
-    opposite_ways.measure_ways(SHORT, tmp_path, silent)
-    heard = walk_vectors(sounds[2], shipped)
-    assert all(np.array_equal(vectors, heard) for vectors in asked)
-    both = np.vstack([walk_vectors(each, shipped) for each in sounds[:2]])
-    assert any(np.array_equal(known, both) for known in spots)

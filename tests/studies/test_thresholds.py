@@ -8,7 +8,7 @@ from elfslam.app.settings import Settings
 from studies.plain_features import CLOSURE_THRESHOLDS, ELF, closing_by, compared_encoders
 from studies.results import Record
 from studies.study import StudyContext
-from studies.thresholds import BEST, RATIO, STUDY, THRESHOLDS, _ratios, measure_thresholds
+from studies.thresholds import BEST, RATIO, STUDY, _ratios, measure_thresholds
 
 
 def planted(feature: str, **ratios: float) -> list[Record]:
@@ -35,5 +35,5 @@ def test_the_elf_closes_as_the_pipeline_does_by_itself() -> None:
 def test_closures_help_at_the_best_threshold() -> None:
     records = measure_thresholds(StudyContext(), **STUDY.fast)
     ratios = [r.value for r in records if (r.method, r.metric) == (ELF, RATIO)]
-    assert len(ratios) == len(THRESHOLDS)
+    assert len(ratios) == len(STUDY.fast["thresholds"])
     assert min(ratios) < 0.7

@@ -2,31 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
+from elfslam.base.geometry import wrap_angle
+from elfslam.base.values import Echoes, Odometry
 from elfslam.baselines.generic import generic_encoders
 from elfslam.stages.feature import load_encoder
-from elfslam.world.world_file import load_world
-from studies.marked_walk import MARKERS, walk_over_markers
+from elfslam.world.world_file import World, load_world
 from studies.study import StudyContext
 from studies.trace import (
     ELSEWHERE,
     ESS,
+    FOOT_M,
     FOOTSTEP,
     HIGHER,
-    LEARNING,
+    MARKERS,
     ON_TOP,
     PSD,
     RETURNS,
     TRACE,
-    all_encoders,
     embedded,
-    learnt_on,
+    marker_poses,
     measure_trace,
     returns_of,
+    walk_over_markers,
 )
 
 
@@ -71,30 +71,6 @@ def test_an_elf_stands_out_where_a_spectrum_does_not() -> None:
     assert max(trace, key=lambda at: trace[at] if abs(at - FOOTSTEP) > 3 else 0) == 58 + FOOTSTEP
 
 
-def test_learning_on_the_walk_alone_starts_from_random_weights() -> None:
-    _, echoes = walk_over_markers(load_world("lab"), 1, np.random.default_rng(0))
-    tiny = replace(LEARNING, steps=2, pairs=16, threads=1)
-    random, learnt = learnt_on(echoes, replace(tiny, steps=0)), learnt_on(echoes, tiny)
-    a, b = (encoder.embed(echoes.samples[:4]) for encoder in (random, learnt))
-    assert a.shape == b.shape == (4, 128)
-    np.testing.assert_allclose(np.linalg.norm(b, axis=1), 1.0, rtol=1e-5)
-    assert not np.allclose(a, b)
-    np.testing.assert_array_equal(learnt_on(echoes, tiny).embed(echoes.samples[:4]), b)
-
-
-def test_all_features_of_the_papers_figure_are_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    known = {"raw samples": load_encoder("spectral"), "ELF, shipped": load_encoder("compact")}
-    monkeypatch.setattr("studies.trace.shipped_and_generic", known.copy)
-    _, echoes = walk_over_markers(load_world("lab"), 1, np.random.default_rng(0))
-    assert list(all_encoders(echoes, replace(LEARNING, steps=1, pairs=8))) == [
-        "raw samples",
-        "t-SNE",
-        "ELF, random weights",
-        "ELF without pre-training",
-        "ELF, shipped",
-    ]
-
-
 def test_echoes_of_two_kinds_are_two_clouds() -> None:
     generator = np.random.default_rng(3)
     decay = np.exp(-np.arange(2352) / 400)
@@ -105,3 +81,33 @@ def test_echoes_of_two_kinds_are_two_clouds() -> None:
     middles = plane[:50].mean(axis=0), plane[50:].mean(axis=0)
     spread = max(plane[:50].std(), plane[50:].std())
     assert np.linalg.norm(middles[0] - middles[1]) > 2 * spread
+
+
+@pytest.fixture(scope="module")
+def lab() -> World:
+    return load_world("lab")
+
+
+@pytest.fixture(scope="module")
+def walked(lab: World) -> tuple[Odometry, Echoes]:
+    return walk_over_markers(lab, 2, np.random.default_rng(0))
+
+
+def test_markers_lie_evenly_and_look_ahead() -> None:
+    markers = marker_poses()
+    assert markers.shape == (MARKERS, 3)
+    steps_m = np.linalg.norm(np.diff(markers[:, :2], axis=0), axis=1)
+    assert np.median(steps_m) == pytest.approx(0.729, abs=0.001)
+    assert steps_m.min() > 0.5, "shorter only where a corner is cut"
+    np.testing.assert_allclose(markers[1:12, 2], 0.0, atol=1e-9)
+
+
+def test_every_round_steps_on_every_marker(walked: tuple[Odometry, Echoes]) -> None:
+    nodes, _ = walked
+    assert len(nodes.t_s) == 2 * MARKERS + 1
+    markers = np.vstack([np.tile(marker_poses(), (2, 1)), marker_poses()[:1]])
+    off_m = nodes.world_from_body[:, :2] - markers[:, :2]
+    assert 0.8 * FOOT_M < off_m.std() < 1.2 * FOOT_M
+    turned = np.degrees(wrap_angle(nodes.world_from_body[:, 2] - markers[:, 2]))
+    assert np.abs(turned).max() < 15
+    assert np.abs(np.diff(nodes.world_from_body[:, 2])).max() < 1.2, "no jump by a full turn"

@@ -25,8 +25,8 @@ from elfslam.serve.parsing.children import Children
 from elfslam.serve.parsing.turns import OF_ONE, WAITING
 from elfslam.serve.services import Services
 from elfslam.serve.settings import Limits, ServerSettings
-from studies.benchmarks import hostile_plans
-from studies.benchmarks.hostile_plans import GEOJSON, JPEG, PDF, PNG, SVG
+from tests import hostile_plans
+from tests.hostile_plans import GEOJSON, JPEG, PDF, PNG, SVG
 from tests.waiting import PATIENCE_S, until
 
 LetIn = Callable[[str], TestClient]

@@ -2,7 +2,7 @@
 
 Usage, from the root of the project:
 
-    python -m studies.benchmarks.plan_attack [--seconds 60] [--at-once 50] [--json]
+    python -m tests.hostile.plan_attack [--seconds 60] [--at-once 50] [--json]
 
 One user puts SVGs full of masks, progressive JPEGs of many scans, PNGs that unfold a thousandfold
 and PDFs that unfold to a gigabyte, in turn, without a pause. Another lists their maps, looks at a
@@ -37,8 +37,8 @@ from elfslam.serve.people.users import add_user
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.database import Map, transaction
-from studies.benchmarks.hostile_plans import PLANS, PNG
 from studies.benchmarks.served import PIECE, Served, metadata, started
+from tests.hostile_plans import PLANS, PNG
 
 KINDS = (
     *("SVG masks", "progressive JPEG", "PNG bomb", "unfolding PDF"),

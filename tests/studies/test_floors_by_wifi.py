@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import numpy.testing as npt
 
-from studies.city import CityParameters, Hearing, block_of, heard_now, mean_levels_dbm, scans_in
+from studies.floors_by_wifi import (
+    CityParameters,
+    Hearing,
+    block_of,
+    heard_now,
+    mean_levels_dbm,
+    scans_in,
+)
 
 PARAMETERS = CityParameters()
 STILL = CityParameters(shadowing_db=0.0, fading_db=0.0, missed_share=0.0, hotspots=0.0)
@@ -48,12 +55,3 @@ def test_phones_hear_differently_and_radios_are_replaced() -> None:
     assert len(deaf) < len(plain)
     assert 0.2 < len(aged.keys() & plain.keys()) / len(plain) < 0.8
     assert abs(len(aged) - len(plain)) <= 3
-
-
-def test_hotspots_come_and_go() -> None:
-    block = block_of(1, 0, PARAMETERS)
-    scans = scans_in(block, 0, 0, 40, np.random.default_rng(4), PARAMETERS)
-    fixed = {f"{number:012x}" for number in block.address.ravel().tolist()}
-    passing = [k for k, name in enumerate(scans.bssids) if name.replace(":", "") not in fixed]
-    assert 40 < len(passing) < 130  # two a scan
-    assert (np.isfinite(scans.rssi_dbm[:, passing]).sum(axis=0) == 1).all()

@@ -7,7 +7,7 @@ import pytest
 
 from elfslam.base.values import Closures, Odometry
 from elfslam.baselines.magnetic import FieldProfile
-from studies.magnetic_offsets import AlignmentParameters, align_closures
+from studies.magnetic_walks import AlignmentParameters, align_closures
 
 PARAMETERS = AlignmentParameters()
 

@@ -12,9 +12,8 @@ import pytest
 from elfslam.app.workers import unit_key
 from elfslam.app.workers.interface import Result, Task
 from elfslam.base.errors import StoreError
-from studies.repeats import SampledError, finished
 from studies.results import Record
-from studies.study import StudyContext
+from studies.study import SampledError, StudyContext, finished
 
 
 def square(task: int) -> list[Record]:
@@ -64,11 +63,6 @@ def test_a_run_cut_off_goes_on_where_it_was(tmp_path: Path) -> None:
         square(task) for task in (1, 2, 3)
     ]
     assert asked == [1, 2, 2, 3]
-
-
-def test_nothing_is_kept_where_no_file_is_named(tmp_path: Path) -> None:
-    assert finished(square, [5], StudyContext()) == [square(5)]
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 Usage, from the root of the project:
 
-    python -m studies.benchmarks.ended_parents [--times 50] [--seed 0] [--only map]
+    python -m tests.hostile.ended_parents [--times 50] [--seed 0] [--only map]
 
 `elfslam map --on 2`, `python -m studies --on 2` and `elfslam serve --on 2` with jobs, and each so
 many times by SIGTERM, SIGKILL and SIGINT. Whatever they began bears a mark in its environment.
