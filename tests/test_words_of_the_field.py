@@ -36,15 +36,17 @@ OURS = {
 """What was said once, and what to say."""
 ONLY_IN_PAGES = {r"heard|hears?": "recorded, measured, detected, extracted"}
 ALLOWED = {
-    ("src/elfslam/world/plan.py", "of the line"): "a straight line in plan",
-    ("src/elfslam/world/wifi.py", "of the line"): "a straight line in plan",
-    ("src/elfslam/data/imdf.py", "of the line"): "a straight line in plan",
-    ("src/elfslam/data/imdf_rules.py", "of the line"): "a straight line in plan",
-    ("src/elfslam/data/mall.py", "of the line"): "a line of a text file",
-    ("src/elfslam/world/mains.py", "in the line"): "a power line",
-    ("src/elfslam/world/sensors.py", "in the line"): "a power line",
+    ("src/elfslam/world/", "of the line"): "a straight line in plan",
+    ("src/elfslam/world/", "in the line"): "a power line",
+    ("src/elfslam/world/", "on the line"): "a power line",
+    ("src/elfslam/data/", "of the line"): "a straight line; a line of a text file",
+    ("src/elfslam/serve/", "who asks"): "whoever sends a request",
+    ("src/elfslam/serve/", "whoever asks"): "whoever sends a request",
+    ("docs/how-to/known_truth.md", "hear"): "people and dogs do",
+    ("docs/how-to/known_truth.md", "heard"): "people who speak are",
+    ("docs/how-to/what_to_expect.md", "hear"): "people and dogs do",
 }
-"""By file and phrase: what it means there."""
+"""By the beginning of a path and phrase: what it means there."""
 SKIPPED = re.compile(r"^(```|~~~).*?^\1|`[^`\n]*`|<!--.*?-->|\]\([^)]*\)", re.S | re.M)
 """Code, comments of pages, and where links lead."""
 LANDS = {
@@ -96,21 +98,24 @@ def found(text: str, phrases: dict[str, str]) -> Iterator[tuple[str, str]]:
 
 def offences(file: Path, text: str, phrases: dict[str, str]) -> list[str]:
     name = file.relative_to(ROOT).as_posix()
+    allowed = {phrase for start, phrase in ALLOWED if name.startswith(start)}
     return [
         f"{name}: {phrase!r}; say: {instead}"
         for phrase, instead in found(text, phrases)
-        if (name, phrase) not in ALLOWED
+        if phrase not in allowed
     ]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
-def test_pages_use_the_words_of_the_field(page: Path) -> None:
-    assert offences(page, page.read_text(encoding="utf-8"), OURS | ONLY_IN_PAGES) == []
+def test_pages_use_the_words_of_the_field() -> None:
+    said = [(page, page.read_text(encoding="utf-8")) for page in PAGES]
+    assert [
+        each for page, text in said for each in offences(page, text, OURS | ONLY_IN_PAGES)
+    ] == []
 
 
 def test_docstrings_and_comments_use_the_words_of_the_field() -> None:
     said = [(file, said_in(file.read_text(encoding="utf-8"), tree)) for file, tree in modules()]
-    assert [line for file, text in said for line in offences(file, text, OURS)] == []
+    assert [each for file, text in said for each in offences(file, text, OURS)] == []
 
 
 @pytest.mark.parametrize("term", LANDS)
