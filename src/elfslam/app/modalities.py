@@ -1,4 +1,4 @@
-"""What can close loops: the echoes, and the senses they are compared and joined with."""
+"""What can close loops: the echoes, and the modalities they are compared and joined with."""
 
 from __future__ import annotations
 

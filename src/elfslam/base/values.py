@@ -1,4 +1,4 @@
-"""The values that flow along the line. Rows are time; fields end in their unit.
+"""The values that flow through the pipeline. Rows are time; fields end in their unit.
 
 One clock: seconds since the recording began, on the audio sample clock. One plane: x, y in
 metres and heading in radians counter-clockwise from x. A pose is (x, y, heading).

@@ -16,7 +16,7 @@ from elfslam.baselines.wifi import Fingerprints, WifiFingerprintParameters
 
 @dataclass(frozen=True)
 class PlaceParameters:
-    """How many mapped places tell where one is, and how much the more alike ones count."""
+    """How many mapped places tell where one is, and how much the more similar ones count."""
 
     count: int = parameter(12, "", "places whose mean is taken", low=1, high=1000)
     wifi_power: float = parameter(8.0, "", "exponent of the Wi-Fi score in the weight", low=0.0)

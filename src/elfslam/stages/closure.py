@@ -1,4 +1,4 @@
-"""Loop closure detection by sequence matching and a ratio test against rival places.
+"""Loop closure detection by sequence matching and a ratio test against competing candidates.
 
 A single pair of footsteps says little. Similarity is averaged along the diagonal, for a stretch
 walked again, and along the antidiagonal, for one walked back. Its ridges are candidates. Dead
@@ -6,7 +6,7 @@ reckoning rules out those it cannot have missed by so much, and of two candidate
 the walker at two places at once only the clearly better one stays. The graph has the last word.
 
 Walked back, the two sides of a hall that is nearly the same after half a turn sound alike, and an
-ELF hardly knows its own place from the other side. So stretches walked back must be more alike.
+ELF hardly knows its own place from the other side. So stretches walked back must be more similar.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class ClosureParameters:
         0.22, "", "mean similarity along a sequence that makes a candidate", low=-1.0, high=1.0
     )
     back_margin: float = parameter(
-        0.4, "", "how much more alike a stretch walked back must be", low=0.0, high=2.0
+        0.4, "", "how much more similar a stretch walked back must be", low=0.0, high=2.0
     )
     near_footsteps: int = parameter(
         12, "footsteps", "neighbours in time are not closures", low=1, high=10_000
@@ -185,7 +185,7 @@ def within_gate(found: ClosureCandidates, drift: Drift, parameters: ClosureParam
 def passes_ratio_test(
     found: ClosureCandidates, drift: Drift, parameters: ClosureParameters
 ) -> Bool:
-    """Ratio test: which candidates (k) have no rival of their footstep that contradicts them.
+    """Ratio test: which candidates (k) have no competitor of their footstep that contradicts them.
 
     Two contradict each other where dead reckoning excludes that their other ends are one place.
     The better one stays if it leads by the margin, else neither.
@@ -298,7 +298,7 @@ def _block_rows(count: int) -> int:
 
 
 def joined(parts: Sequence[Closures]) -> Closures:
-    """The closures of several senses as one."""
+    """The closures of several modalities as one."""
     columns = (
         np.concatenate([getattr(part, column.name) for part in parts])
         for column in fields(Closures)

@@ -27,12 +27,12 @@ class LocateParameters:
     window_s: float = parameter(0.6, "s", "sound used for one fix", low=0.1, high=60.0)
     fewest_echoes: int = parameter(3, "", "fewer echoes in a window give NO_ECHO", low=1, high=600)
     unknown_below: float = parameter(
-        0.6, "", "no spot more alike than this is UNKNOWN_PLACE", low=-1.0, high=1.0
+        0.6, "", "no spot more similar than this is UNKNOWN_PLACE", low=-1.0, high=1.0
     )
     temperature: float = parameter(
         0.05,
         "",
-        "softmax temperature: a spot's weight is exp(likeness / this)",
+        "softmax temperature: a spot's weight is exp(similarity / this)",
         low=1e-4,
         high=10.0,
     )
@@ -81,9 +81,9 @@ def trusted_one_shot(
 
 
 def fixes_of(t_s: F64, scores: F32, floor_map: FloorMap, parameters: LocateParameters) -> Fixes:
-    """Fixes at times (n) from how alike each spot is then: scores (n, m), rows of NaN for silence.
+    """Fixes at times (n) by how similar each spot is then: scores (n, m), rows of NaN for silence.
 
-    Belief over the spots falls exponentially with their likeness; the fix is its mean near the
+    Belief over the spots falls exponentially with their similarity; the fix is its mean near the
     best spot and the covariance its spread there, plus the spot's own. Scores of any kind serve.
     """
     rows = [_fix(row, floor_map, parameters) for row in scores]

@@ -26,9 +26,9 @@ from elfslam.base.values import Odometry, Trajectory
 class MapMatchingParameters:
     """How a walk is followed through a plan."""
 
-    particles: int = parameter(4000, "", "guesses of the walk", low=10, high=1_000_000)
+    particles: int = parameter(4000, "", "hypotheses of the walk", low=10, high=1_000_000)
     step_noise: float = parameter(
-        0.5, "", "share of the stated noise of steps that guesses differ by", low=0.01, high=10.0
+        0.5, "", "share of the stated noise of steps that particles differ by", low=0.01, high=10.0
     )
     scale_sigma: float = parameter(
         0.02, "", "relative error of the walk's length, one sigma", low=0.0, high=0.2
@@ -161,7 +161,7 @@ def _weights(guesses: Guesses) -> F64:
 
 
 def _survivors(guesses: Guesses, generator: np.random.Generator) -> I64:
-    """Indices of the guesses that go on: all, until half of their worth is lost."""
+    """Indices of the particles that go on: all, until half of their worth is lost."""
     weight, count = _weights(guesses), len(guesses.poses)
     if 1 / np.sum(weight**2) > count / 2:
         return np.arange(count)

@@ -38,11 +38,11 @@ class SegmentParameters:
         0.15, "", "steps may be this much longer or shorter than reckoned", low=0.0, high=0.9
     )
     unknown_below: float = parameter(
-        0.47, "", "mean likeness of the best stretch below this is UNKNOWN_PLACE", low=-1.0,
+        0.47, "", "mean similarity of the best stretch below this is UNKNOWN_PLACE", low=-1.0,
         high=1.0,
     )  # fmt: skip
     temperature: float = parameter(
-        0.025, "", "softmax temperature of the mean likeness", low=1e-4, high=10.0
+        0.025, "", "softmax temperature of the mean similarity", low=1e-4, high=10.0
     )
     near_m: float = parameter(
         1.0, "m", "stretches that end this close to the best one are one place", low=0.05, high=100
@@ -77,7 +77,7 @@ def locate_by_segments(
 ) -> Fixes:
     """A fix for every footstep that has enough of them before it.
 
-    `scores` (n-1, m) say how alike each spot of the map is to each stretch between the n nodes,
+    `scores` (n-1, m) say how similar each spot of the map is to each stretch between the n nodes,
     rows of NaN where nothing was heard. Times are the middles of the last stretch used. None at
     all (0 fixes) where the walk has too few footsteps.
     """
@@ -186,7 +186,7 @@ def _fix(
 def _candidates(
     curve_m: F64, scores: F32, heard: Bool, paths: Paths, parameters: SegmentParameters
 ) -> tuple[I64, F32]:
-    """Where stretches (s) of the shape of the curve end, and how alike what was heard is to each.
+    """Where stretches (s) of the shape of the curve end, and how similar what was heard is to each.
 
     Every length of step that is tried gives its own.
     """

@@ -1,4 +1,4 @@
-"""Routes of those who ask: they cross the mapped one, leave it and come back to it."""
+"""Routes of query walks: they cross the mapped one, leave it and come back to it."""
 
 from __future__ import annotations
 

@@ -41,13 +41,13 @@ class MergingParameters:
         2, "", "times that a newer walk must find a place changed", low=1, high=100
     )
     changed_below: float = parameter(
-        0.65, "", "likeness to the map, against other places, that is a change", low=0.0, high=2.0
+        0.65, "", "similarity to the map, against other places, that is a change", low=0.0, high=2.0
     )
 
 
 @dataclass(frozen=True)
 class MergeParameters(Parameters):
-    """Those of the line, and those of merging."""
+    """Those of the pipeline, and those of merging."""
 
     alignment: AlignmentParameters = field(default_factory=AlignmentParameters)
     merging: MergingParameters = field(default_factory=MergingParameters)

@@ -1,4 +1,4 @@
-"""Pose graph construction, and a first guess of its poses by chordal relaxation."""
+"""Construction of the pose graph, and an initial guess of its poses by chordal relaxation."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class GraphParameters:
         0.99, "", "closures with a residual beyond this quantile are outliers", low=0.5, high=0.9999
     )
     agreeing_probability: float = parameter(
-        0.9, "", "closures of a further sense beyond this quantile are left out", low=0.1, high=1.0
+        0.9, "", "closures of a later modality beyond this quantile are left out", low=0.1, high=1.0
     )
     run_reach: int = parameter(
         10, "footsteps", "closures this near each other may belong to one run", low=1, high=1_000

@@ -1,4 +1,4 @@
-"""Pose graph optimisation: Levenberg-Marquardt (GTSAM) on the closures that are believed."""
+"""Optimisation of the pose graph: Levenberg-Marquardt (GTSAM) on the accepted closures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pedestrian dead reckoning: steps and heading put together, a pose per footstep."""
+"""Integration of steps and heading: a pose per footstep."""
 
 from __future__ import annotations
 
