@@ -82,7 +82,7 @@ def simulate(
 ) -> tuple[Recording, Truth]:
     """A simulated walk with a phone, and its truth. Same world and seed, same bytes.
 
-    `world` is a built-in name or a TOML file. `kind` is surveyor (who keeps to the line), people or
+    `world` is a built-in name or a TOML file. `kind` is surveyor (who keeps to one line), people or
     quiet; who is `asking` comes on another day with another phone, people by other ways. `walk`
     holds keywords of `world.simulate.simulate`, such as `rounds=5`, `rate_hz=48_000`,
     `reverse=True`. Raises InputError and ParameterError.

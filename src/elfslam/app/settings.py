@@ -33,7 +33,7 @@ from elfslam.stages.map_matching import MapMatchingParameters
 
 @dataclass(frozen=True)
 class Settings(MergeParameters):
-    """Every parameter there is: the line's, the rivals', the merging's and the training's."""
+    """Every parameter there is: the pipeline's, the baselines', merging's and the training's."""
 
     wifi: WifiFingerprintParameters = field(default_factory=WifiFingerprintParameters)
     wifi_closure: ClosureParameters = field(default=WIFI_CLOSURES)

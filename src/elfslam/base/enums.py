@@ -1,4 +1,4 @@
-"""What users choose by name: senses, ways to be located, formats."""
+"""What users choose by name: modalities, ways to be located, formats."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Generic features: what an echo is compared by when nothing was learned about places.
 
-The paper's rivals of the ELF (its section 4): the raw trace, its power spectral density, its
-spectrogram, and principal components of the spectrogram. Each is an `Encoder` of the line.
+The paper's baselines (its section 4): the raw trace, its power spectral density, its
+spectrogram, and principal components of the spectrogram. Each is an `Encoder` of the pipeline.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ def centred_spectrogram(samples: F32) -> F32:
 
 
 def root_spectrogram(samples: F32) -> F32:
-    """Square roots of the magnitudes, without their mean: late and early sound count more alike."""
+    """Square roots of the magnitudes, without their mean: late and early sound count evenly."""
     root = np.sqrt(flat_spectrogram(samples))
     return np.asarray(root - root.mean(axis=1, keepdims=True))
 

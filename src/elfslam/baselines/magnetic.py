@@ -1,6 +1,6 @@
 """Geomagnetic similarity: the field along the walk, compared by dynamic time warping.
 
-Steel and wiring bend the field in a way that stays with the place. The paper's rival (after Wang et
+Steel and wiring bend the field, and that stays with the place. The paper's baseline (after Wang et
 al., keyframe-based geomagnetic SLAM) warps the normalised field of one footstep, in the phone's
 axes and by time, onto that of another. The tuned one levels the field by roll and pitch, samples it
 by distance walked, and warps the stretches around any two nodes, as walked and turned round. Yaw is

@@ -1,8 +1,8 @@
-"""Many walks of one floor: which places of other walks each place resembles most.
+"""Many walks of one floor: which places of other walks each place is most similar to.
 
 Two walks of a large floor may cross, share a corridor for a while, or never meet. Their best
 pair would pull together what only lies next to each other, so no pair of walks is joined as such:
-each place is drawn towards the mean of the few places, of all other walks, that resemble it most,
+each place is drawn towards the mean of the few places, of all other walks, most similar to it,
 which lie on all sides of it. Many such weak pulls share their errors, so each is given little
 weight; nothing is known of headings.
 """

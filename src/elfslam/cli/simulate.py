@@ -31,7 +31,7 @@ def simulate_command(
         str, typer.Option(help=f"Of walk: {', '.join(KINDS)}; the options below change it.")
     ] = SURVEYOR.name,
     asking: Annotated[
-        bool, typer.Option("--asking", help="As who asks in a map: another day, phone and way.")
+        bool, typer.Option("--asking", help="As a query walk in a map: another day, phone and way.")
     ] = False,
     walker: Annotated[str | None, typer.Option(help=f"{' or '.join(WALKERS)}.")] = None,
     sensors: Annotated[str, typer.Option(help="Besides sound and motion: wifi,magnetic,emr.")] = "",

@@ -48,7 +48,7 @@ class LogFormat(StrEnum):
 
 @dataclass(frozen=True)
 class LogFile:
-    """A file of a log as a format is told by it; it is read where somebody asks how it begins."""
+    """A file of a log as a format is told by it; it is read once its beginning is wanted."""
 
     name: PurePosixPath
     source: Path

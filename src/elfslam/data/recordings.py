@@ -108,7 +108,7 @@ def read_recording(path: Path | str, chirp: ChirpParameters | None = None) -> Re
     """The recording in a folder or a .zip of one.
 
     Its sound is refused where recording.json says that another excitation was played than
-    `chirp`, by default the line's own. Raises InputError naming the file, and the row where
+    `chirp`, by default the pipeline's own. Raises InputError naming the file, and the row where
     there is one.
     """
     path = Path(path)

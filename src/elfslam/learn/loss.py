@@ -49,7 +49,7 @@ def margin_loss(
 
 
 def spot_contrast(logits: Tensor, square_m2: Tensor, near_m: float) -> Tensor:
-    """Cross entropy of the spots that echoes resemble against those that they were heard near.
+    """Cross entropy of the spots similar to echoes against those that they were heard near.
 
     `logits` (n, m) are similarities over the temperature, `square_m2` (n, m) squared distances.
     Wanted is a Gaussian about where the echo was heard, in shares that sum to 1: positions

@@ -1,4 +1,4 @@
-"""What a recording gives the line: footsteps, echoes, features, and how long the steps are."""
+"""What a recording gives the pipeline: footsteps, echoes, features, and how long the steps are."""
 
 from __future__ import annotations
 

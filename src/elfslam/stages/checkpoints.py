@@ -23,7 +23,7 @@ from elfslam.base.values import (
 ANY_HEADING_RAD = 6.0
 """Whoever stands at a door may face anywhere."""
 SURE = 1.0
-"""The likeness of a place to itself."""
+"""The similarity of a place to itself."""
 ANYWHERE = np.array([1e3, 1e3, np.pi])
 """Sigmas (m, m, rad) of where the plan is, seen from the first footstep: nobody knows."""
 LEAST_APART_M = 2.0

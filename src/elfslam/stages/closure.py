@@ -6,7 +6,7 @@ reckoning rules out those it cannot have missed by so much, and of two candidate
 the walker at two places at once only the clearly better one stays. The graph has the last word.
 
 Walked back, the two sides of a hall that is nearly the same after half a turn sound alike, and an
-ELF hardly knows its own place from the other side. So stretches walked back must be more alike.
+ELF hardly knows its own place from the other side. So stretches walked back must be more similar.
 """
 
 from __future__ import annotations
@@ -263,7 +263,7 @@ def within_gate(found: ClosureCandidates, drift: Drift, parameters: ClosureParam
 def passes_ratio_test(
     found: ClosureCandidates, drift: Drift, parameters: ClosureParameters
 ) -> Bool:
-    """Ratio test: which candidates (k) have no rival of their footstep that contradicts them.
+    """Ratio test: which candidates (k) have no competitor of their footstep that contradicts them.
 
     Two contradict each other where dead reckoning excludes that their other ends are one place.
     The better one stays if it leads by the margin, else neither.
@@ -376,7 +376,7 @@ def _block_rows(count: int) -> int:
 
 
 def joined(parts: Sequence[Closures]) -> Closures:
-    """The closures of several senses as one."""
+    """The closures of several modalities as one."""
     columns = (
         np.concatenate([getattr(part, column.name) for part in parts])
         for column in fields(Closures)

@@ -1,4 +1,4 @@
-"""Features: an encoder turns each echo trace into a unit vector, row by row."""
+"""Feature mean normalisation, and encoders: each echo trace becomes a unit vector, row by row."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ SESSION = ("session.use_env_allocators", "session.use_device_allocator_for_initi
 SILENT = 4
 UNIT_SLACK = 1e-3
 PRIOR_FRAMES = 30
-"""With so many echoes of nothing a walk begins to tell what its echoes have in common: 3 s."""
+"""Frames of the zero prior of the running mean: 3 s."""
 STILL_ECHOES = 5
 """An echo is compared with the one so many before it, half a second, to tell whether one stands."""
 STILL = 0.6

@@ -75,9 +75,9 @@ def trusted_one_shot(
 
 
 def fixes_of(t_s: F64, scores: F32, floor_map: FloorMap, parameters: LocateParameters) -> Fixes:
-    """Fixes at times (n) from how alike each spot is then: scores (n, m), rows of NaN for silence.
+    """Fixes at times (n) by how similar each spot is then: scores (n, m), rows of NaN for silence.
 
-    Belief over the spots falls exponentially with their likeness; the fix is its mean near the
+    Belief over the spots falls exponentially with their similarity; the fix is its mean near the
     best spot and the covariance its spread there, plus the spot's own. Scores of any kind serve.
     """
     rows = [_fix(row, floor_map, parameters) for row in scores]

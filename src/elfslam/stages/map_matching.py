@@ -161,7 +161,7 @@ def _weights(guesses: Guesses) -> F64:
 
 
 def _survivors(guesses: Guesses, generator: np.random.Generator) -> I64:
-    """Indices of the guesses that go on: all, until half of their worth is lost."""
+    """Indices of the particles that go on: all, until half of their worth is lost."""
     weight, count = _weights(guesses), len(guesses.poses)
     if 1 / np.sum(weight**2) > count / 2:
         return np.arange(count)

@@ -74,7 +74,7 @@ def locate_by_segments(
 ) -> Fixes:
     """A fix for every footstep that has enough of them before it.
 
-    `scores` (n-1, m) say how alike each spot of the map is to each stretch between the n nodes,
+    `scores` (n-1, m) say how similar each spot of the map is to each stretch between the n nodes,
     rows of NaN where nothing was heard. Times are the middles of the last stretch used. None at
     all (0 fixes) where the walk has too few footsteps.
     """
@@ -183,7 +183,7 @@ def _fix(
 def _candidates(
     curve_m: F64, scores: F32, heard: Bool, paths: Paths, parameters: SegmentParameters
 ) -> tuple[I64, F32]:
-    """Where stretches (s) of the shape of the curve end, and how alike what was heard is to each.
+    """Where stretches (s) of the shape of the curve end, and how similar what was heard is to each.
 
     Every length of step that is tried gives its own.
     """

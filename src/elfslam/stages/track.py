@@ -1,8 +1,8 @@
-"""Tracking by a particle filter: guesses moved by footsteps and weighed by echoes.
+"""Particle filter for tracking: particles moved by footsteps and weighted by echoes.
 
 A particle filter (Thrun, Burgard and Fox, Probabilistic Robotics, chapter 8.3, with particles
 drawn from the measurement as in Mixture-MCL). Each guess has its own heading and its own length of
-step, so neither has to be known. At every footstep a few guesses are drawn anew from what the
+step, so neither has to be known. At every footstep a few particles are drawn anew from what the
 echoes alone say: so it starts anywhere, and a wrong fix is not for ever.
 """
 
@@ -21,7 +21,7 @@ from elfslam.base.values import Fixes, FixStatus, FloorMap, Odometry
 
 @dataclass(frozen=True)
 class TrackParameters:
-    """How guesses move, are weighed and renewed, and what a fix is worth."""
+    """How particles move, are weighted and renewed, and what a fix is worth."""
 
     particles: int = parameter(1500, "", "guesses of where the walker is", 10, 1_000_000)
     temperature: float = parameter(
@@ -78,7 +78,7 @@ class TrackParameters:
 
 @dataclass(frozen=True, eq=False)
 class Cloud(Value):
-    """Guesses (p): pose, how much longer the steps are than reckoned, and weight (sum 1)."""
+    """Particles (p): pose, how much longer the steps are than reckoned, and weight (sum 1)."""
 
     poses: F64 = array("p", 3)
     scale: F64 = array("p")
@@ -105,7 +105,7 @@ class Tracker:
     def follow(self, nodes: Odometry, scores: F32, suspect: Bool | None = None) -> Fixes:
         """A fix at each of the n footsteps but the first.
 
-        `scores` (n-1, m) say how alike each spot is to each stretch between footsteps, rows of NaN
+        `scores` (n-1, m): how similar each spot is to each stretch between footsteps, rows of NaN
         where nothing was heard; those that are `suspect` (n-1) move nothing. What follows later
         goes on from here.
         """
@@ -116,11 +116,11 @@ class Tracker:
         return Fixes(nodes.t_s[1:], *(np.array(column) for column in zip(*rows, strict=True)))
 
     def step(self, move: F64, sigma: F64, scores: F32, *, suspect: bool = False) -> Fix:
-        """Position, heading, covariance, likeness and status after one footstep.
+        """Position, heading, covariance, similarity and status after one footstep.
 
         `move` (3) as reckoned, in the body frame; `sigma` (3) as in `Odometry`; `scores` (m).
         What is `suspect`, or says of a settled walker what no step explains, is SUSPECT: the
-        guesses go on by the steps alone.
+        particles go on by the steps alone.
         """
         heard = not np.isnan(scores[0]) and not suspect
         self._doubts |= suspect
@@ -151,7 +151,7 @@ class Tracker:
     def _jumps(self, middle: F64, weight: F64, scores: F32) -> bool:
         """Whether a settled walker is heard where the steps cannot have led.
 
-        Within reach is what lies about the best place, as far as the guesses do.
+        Within reach is what lies about the best place, as far as the particles do.
         """
         known = self._parameters
         if self._settled < known.settled:
@@ -187,7 +187,7 @@ class Tracker:
         return Cloud(cloud.poses, cloud.scale, weight / weight.sum())
 
     def _drawn(self, scores: F32, move: F64, count: int) -> Cloud:
-        """Guesses from the echoes alone, after the step in whose middle they were heard."""
+        """Particles from the echoes alone, after the step in whose middle they were heard."""
         known, generator = self._parameters, self._generator
         belief = np.exp((scores - scores.max()).astype(np.float64) / known.temperature)
         shares = np.cumsum(belief)
@@ -201,7 +201,7 @@ class Tracker:
         return Cloud(poses, scale, np.full(count, 1 / count))
 
     def _renewed(self, cloud: Cloud, scores: F32, move: F64) -> Cloud:
-        """Resampling: as many guesses, where they weigh, and some drawn from the echoes alone.
+        """Resampling: as many particles, where they weigh, and some drawn from the echoes alone.
 
         Neighbours lie side by side in the draw, so that each of several places keeps its share.
         """
@@ -261,7 +261,7 @@ def densest(cloud: Cloud, near_m: float) -> F64:
 
 
 def _reach_m(xy_m: F64, best_m: F64, near_m: float) -> float:
-    """How far from the best place (2) guesses (p, 2) may reach: twice as far as half of them."""
+    """How far from the best place (2) particles (p, 2) may reach: twice as far as half of them."""
     return near_m / 2 + 2 * float(np.median(np.linalg.norm(xy_m - best_m, axis=1)))
 
 

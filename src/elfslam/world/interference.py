@@ -1,6 +1,6 @@
 """Other sounds in the room, and what the phone's recorder makes of it all.
 
-Levels are of the recorded stream, whose full scale is 1. Speech and music are rough likenesses:
+Levels are of the recorded stream, whose full scale is 1. Speech and music are rough imitations:
 what counts is when they sound and how much of them lies in the chirp's band.
 """
 

@@ -1,8 +1,8 @@
-"""Kinds of walks: who walks, in which sound, and what differs between mapping and asking.
+"""Kinds of walks: who walks, in which sound, and what differs between mapping and query walks.
 
-A quiet day is what a laboratory has: one line, one phone, mirror images. In ordinary life phones
+A controlled scenario has one line, one phone, mirror images. In realistic ones phones
 are ordinary, rooms scatter, are as warm as people like it and have their doors open or shut, others
-are about, and who asks comes on another day with another phone, by other ways where they are
+are about, and query walks are of another day with another phone, by other ways where they are
 people.
 """
 
@@ -53,13 +53,13 @@ def _leads_across(room: Room, lap_xy: F64, start: F64, end: F64) -> bool:
 PEOPLE_ABOUT = ((120.0, 0), (600.0, 3), (float("inf"), 6))
 """Others about in rooms, offices and halls: floor of up to so many m2."""
 DAYS_LATER = 20
-"""When somebody asks: a third of the low furniture has been moved a little, the air is another."""
+"""For a query walk a third of the low furniture has been moved a little, the air is another."""
 MAPPING_PHONE, ASKING_PHONE = "ordinary phone", "other ordinary phone"
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of walk: `walker` as `simulate` has it, in ordinary life or on a quiet day."""
+    """A kind of walk: `walker` as `simulate` has it, in a realistic or controlled scenario."""
 
     name: str
     walker: str
@@ -78,7 +78,7 @@ class Kind:
         return _ordinary(room, ASKING_PHONE, DAYS_LATER)
 
     def asking_place(self, world: World, seed: int) -> World:
-        """The world with the route of who asks: a surveyor's is the mapped one, people's crosses
+        """The world with the route of a query: a surveyor's is the mapped one, people's crosses
         it."""
         if self.walker == SURVEYOR.walker:
             return world

@@ -21,7 +21,7 @@ stand (`python -m studies sensors`)."""
 
 @dataclass(frozen=True)
 class Walker:
-    """A person: gait and the way the phone is held; by default a surveyor, who keeps to the line.
+    """A person: gait and the way the phone is held; by default a surveyor, who keeps to one line.
 
     `step_factor` is the true step length over the typical one at the same cadence; at the same
     speed it enters as its square root. It is hidden from the line. Besides it, speed errs from

@@ -49,7 +49,7 @@ from elfslam.serve.store.database import POSTGRESQL
 
 Key = TypeVar("Key", int, str)
 MOST_FLOORS = 64
-"""So many of the likeliest by each sense are looked at by the others."""
+"""So many of the likeliest by each modality are looked at by the others."""
 POINTS = select(
     FloorPoint.bssid, FloorPoint.floor, FloorPoint.level_dbm, FloorPoint.spread_db, FloorPoint.share
 )

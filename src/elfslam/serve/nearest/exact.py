@@ -25,7 +25,7 @@ def exact_search(
     """Ids (n, k) and cosines (n, k) of the spots nearest to unit rows (n, d), best first.
 
     A spot's id is its number in all shards; of equal ones the lower id comes first. `gone` marks
-    spots that are not to be found; only those more alike than `above` (n) are, where it is given.
+    spots that are not to be found; only those more similar than `above` (n) are, where it is given.
     Where there are fewer than k, the rest have id -1.
     """
     least = np.full(len(vectors), -np.inf, dtype=np.float32) if above is None else above

@@ -189,7 +189,7 @@ def _borne_out(
 ) -> tuple[Joined | None, dict[str, str]]:
     """The walks of a group as one map, without those that their own graph does not bear out.
 
-    Bent onto the others, each must still resemble them as much as to be believed; the worst
+    Bent onto the others, each must still be similar enough to them to be accepted; the worst
     leaves, with the reason, until all do. With known starts nothing needs evidence.
     """
     frames, refused = dict(group.frames), dict[str, str]()
@@ -213,7 +213,7 @@ def _borne_out(
 def _alike(
     sides: Sequence[Side], trajectories: Sequence[Trajectory], parameters: MergeParameters
 ) -> list[float]:
-    """How much each walk resembles the others where its trajectory puts it."""
+    """How similar each walk is to the others where its trajectory puts it."""
     bent = [
         replace(side, poses=middles(walk.world_from_body))
         for side, walk in zip(sides, trajectories, strict=True)

@@ -1,4 +1,4 @@
-"""Pose graph optimisation: dead reckoning and closures together, and which closures to believe."""
+"""Pose graph of dead reckoning and closures: which closures to accept, and its optimisation."""
 
 from elfslam.stages.graph.building import GraphParameters, build_graph
 from elfslam.stages.graph.solving import agreeing, optimise

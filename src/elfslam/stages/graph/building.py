@@ -1,4 +1,4 @@
-"""Pose graph construction, and a first guess of its poses by chordal relaxation."""
+"""Construction of the pose graph, and an initial guess of its poses by chordal relaxation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Uncertainty and fit: marginal covariances, variance components, chi-square tests of closures.
+"""Marginal covariances, variance components, and chi-square tests of closures.
 
 All of it is told by the Gauss-Newton normal equations at a solution. An error of a pose is a small
 move (forward m, left m, turn rad) in its own frame, after it: pose' = compose(pose, move).
