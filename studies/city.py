@@ -15,7 +15,7 @@ import numpy as np
 from elfslam.base.arrays import F64, I64, Value, array
 from elfslam.base.parameters import parameter
 from elfslam.base.values import WifiScans
-from elfslam.serve.buildings.wifi import bssid_text
+from elfslam.serve.buildings.senses import bssid_text
 
 MOST_ADDRESSES = 4
 LOCAL_OCTETS = (0x00, 0x02, 0x06, 0x0A)

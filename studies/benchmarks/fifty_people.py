@@ -24,11 +24,11 @@ import httpx
 import numpy as np
 
 from elfslam.app.console import print_rows
-from elfslam.serve.buildings.tables import Building, Floor
 from elfslam.serve.people.users import add_user
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.database import transaction
+from elfslam.serve.store.tables import Building, Floor
 from studies.benchmarks.served import Served, started
 
 OFTEN = {"address_requests_per_s": 1e6, "address_connections": 500}

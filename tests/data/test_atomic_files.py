@@ -26,7 +26,7 @@ from elfslam.data.atomic_files import (
 from elfslam.data.facts import FACTS
 from elfslam.data.merged_maps import MERGED
 from elfslam.data.recordings import MANIFEST
-from elfslam.serve.store.identity import STORE
+from elfslam.serve.store.holding import STORE
 from tests.disks import mounted
 
 

@@ -11,15 +11,8 @@ from elfslam.data.facts import ENCODER
 from elfslam.data.map_files import MAP, write_map
 from elfslam.serve.services import Services
 from elfslam.serve.store import blobs
-from elfslam.serve.store.database import (
-    Map,
-    MapFile,
-    Recording,
-    RecordingFile,
-    User,
-    reading,
-    transaction,
-)
+from elfslam.serve.store.database import reading, transaction
+from elfslam.serve.store.tables import Map, MapFile, Recording, RecordingFile, User
 from elfslam.stages.feature import OnnxEncoder, load_encoder
 
 

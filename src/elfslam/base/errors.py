@@ -6,7 +6,14 @@ SHOWN_CHARACTERS = 500
 
 
 class ElfslamError(Exception):
-    """Base of every error that is meant to be read by a user (exit code 2)."""
+    """Base of every error that is meant to be read by a user (exit code 2).
+
+    `options` are the settings that would help; a command names them as it spells them.
+    """
+
+    def __init__(self, *said: object, options: tuple[str, ...] = ()) -> None:
+        super().__init__(*said)
+        self.options = options
 
     def __str__(self) -> str:
         said = super().__str__()

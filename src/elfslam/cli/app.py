@@ -12,7 +12,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from elfslam.app.console import exit_code_of, run_app
 from elfslam.app.memory import refuse_scarce_memory
-from elfslam.base.errors import OccupiedError, StoreError
+from elfslam.base.errors import ElfslamError, OccupiedError, StoreError
 from elfslam.data.atomic_files import place_of, refuse_read
 
 VERBS: Mapping[str, tuple[str, str]] = {
@@ -55,10 +55,13 @@ class Verb(TyperCommand):
             refuse_read(out, _texts_in(given.values()))
         try:
             return super().invoke(ctx)
-        except OccupiedError as error:
-            if "force" not in given:
+        except ElfslamError as error:
+            if isinstance(error, OccupiedError) and "force" in given:
+                raise StoreError(f"{error}, or replace an older result with --force") from error
+            if not error.options:
                 raise
-            raise StoreError(f"{error}, or replace an older result with --force") from error
+            flags = ", ".join(f"--{name.replace('_', '-')}" for name in error.options)
+            raise type(error)(f"{error} ({flags})") from error
 
 
 def _texts_in(values: Iterable[object]) -> Iterator[str]:

@@ -31,9 +31,8 @@ def publish_command(
 ) -> None:
     """Let phones find and fetch the map of a floor; published again it gets a new revision."""
     from elfslam.serve.buildings.indexes import index_floor
-    from elfslam.serve.buildings.publishing import Spot, publish
-    from elfslam.serve.buildings.sources import floor_of
-    from elfslam.serve.buildings.wifi import WifiFindParameters
+    from elfslam.serve.buildings.publishing import Spot, floor_of, publish
+    from elfslam.serve.buildings.senses import WifiFindParameters
     from elfslam.serve.services import open_services
     from elfslam.serve.settings import ServerSettings
     from elfslam.serve.texts import plain_line
@@ -85,7 +84,7 @@ def buildings_command(
     """List what is published."""
     from elfslam.serve.buildings import publishing
     from elfslam.serve.buildings.indexes import index_floors
-    from elfslam.serve.buildings.listing import published_rows
+    from elfslam.serve.buildings.publishing import published_rows
     from elfslam.serve.nearest import NearestParameters
     from elfslam.serve.services import open_services
     from elfslam.serve.settings import ServerSettings

@@ -13,7 +13,7 @@ from elfslam.base.errors import InputError
 from elfslam.cli.options import On
 
 if TYPE_CHECKING:
-    from elfslam.serve.positions.mqtt_address import Broker
+    from elfslam.serve.positions.mqtt import Broker
     from elfslam.serve.settings import Limits
 
 DATA_FOLDER = Path("~/.elfslam")
@@ -74,7 +74,7 @@ def serve_command(
     local_webhooks: LocalWebhooks = False,
 ) -> None:
     """Run the server and its phone page; prints the address and its QR code."""
-    from elfslam.serve.network.names import checked_names, name_in
+    from elfslam.serve.network.addresses import checked_names, name_in
     from elfslam.serve.network.running import Listening, run
     from elfslam.serve.settings import ServerSettings
 
@@ -122,8 +122,7 @@ def _limits(position_days: float) -> Limits:
 
 def _broker(url: str, credentials: Path | None, authority: Path | None) -> Broker | None:
     """The broker of the options; None without one. Raises InputError."""
-    from elfslam.serve.positions.mqtt import client_of
-    from elfslam.serve.positions.mqtt_address import parse_broker
+    from elfslam.serve.positions.mqtt import client_of, parse_broker
 
     if not url:
         if credentials or authority:

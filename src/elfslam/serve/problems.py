@@ -16,7 +16,7 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.exceptions import HTTPException
 
 from elfslam.base.errors import InputError, ParameterError, StoreError
-from elfslam.serve.store.disk_room import FULL_ERRORS
+from elfslam.serve.store.blobs import FULL_ERRORS
 
 MEDIA_TYPE = "application/problem+json"
 WRONG_CHECKSUM = 460

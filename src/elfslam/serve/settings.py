@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from elfslam.serve.positions.mqtt_address import Broker
+from elfslam.serve.positions.mqtt import Broker
 
 MEBIBYTE = 2**20
 GIBIBYTE = 2**30

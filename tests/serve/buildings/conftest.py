@@ -16,7 +16,7 @@ import pytest
 
 from elfslam.base.values import FloorMap
 from elfslam.serve.buildings.publishing import NewFloor, Spot
-from elfslam.serve.buildings.wifi import FloorPoints, bssid_text
+from elfslam.serve.buildings.senses import FloorPoints, bssid_text
 from elfslam.serve.settings import ServerSettings
 
 RADIOS = 0x0433_8900_0000 + 0x100 * np.arange(12)

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from starlette.testclient import TestClient
 
-from elfslam.serve.jobs.folder import DISK_FULL
+from elfslam.serve.jobs.executors import DISK_FULL
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
 from tests.disks import mounted

@@ -21,10 +21,11 @@ from elfslam.serve.people.users import add_user, set_owner_token
 from elfslam.serve.services import Services, open_services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.blobs import put
-from elfslam.serve.store.database import JobFile, JobKind, User, reading, transaction
-from elfslam.serve.store.identity import STORE, files_of
+from elfslam.serve.store.database import reading, transaction
+from elfslam.serve.store.holding import STORE, files_of
 from elfslam.serve.store.opening import InUseError, alone_with, join_store, open_store
 from elfslam.serve.store.schema import VERSION_TABLE
+from elfslam.serve.store.tables import JobFile, JobKind, User
 
 BOTH = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
 

@@ -16,14 +16,15 @@ import numpy as np
 
 from elfslam.base.arrays import F32
 from elfslam.base.parameters import parameter
-from elfslam.serve.buildings.echoes import EchoEvidence, EchoFindParameters
-from elfslam.serve.buildings.position import (
+from elfslam.serve.buildings.senses import (
+    EchoEvidence,
+    EchoFindParameters,
     Place,
     PositionFindParameters,
     Site,
+    WifiFindParameters,
     position_log_odds,
 )
-from elfslam.serve.buildings.wifi import WifiFindParameters
 
 
 class Found(StrEnum):

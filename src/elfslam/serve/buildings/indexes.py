@@ -21,9 +21,8 @@ from elfslam.base.arrays import F32
 from elfslam.base.errors import InputError, StoreError
 from elfslam.data.tiles import features_of
 from elfslam.serve.buildings import files as store
-from elfslam.serve.buildings.echoes import EchoIndex, unit_rows
 from elfslam.serve.buildings.files import Files
-from elfslam.serve.buildings.tables import Floor
+from elfslam.serve.buildings.senses import EchoIndex, unit_rows
 from elfslam.serve.nearest import (
     NearestParameters,
     absorb,
@@ -36,6 +35,7 @@ from elfslam.serve.nearest import (
 )
 from elfslam.serve.services import Services
 from elfslam.serve.store.database import reading
+from elfslam.serve.store.tables import Floor
 from elfslam.stages.feature import load_encoder
 
 FOLDER, LATEST = "nearest", "latest"

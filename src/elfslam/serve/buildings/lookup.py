@@ -26,26 +26,23 @@ from sqlalchemy import (
 from sqlalchemy.engine import Connection
 from sqlalchemy.orm import InstrumentedAttribute
 
-from elfslam.serve.buildings.echoes import EchoIndex, echo_evidence
-from elfslam.serve.buildings.find import (
-    Answer,
-    Asked,
-    Evidence,
-    FindParameters,
-    KnownFloor,
-    decide,
-)
-from elfslam.serve.buildings.position import (
+from elfslam.serve.buildings.find import Answer, Asked, Evidence, FindParameters, KnownFloor, decide
+from elfslam.serve.buildings.senses import (
     EARTH_M_PER_DEG,
+    EchoIndex,
+    KnownPoints,
     Place,
     PositionFindParameters,
+    Scan,
     Site,
     box_deg,
+    echo_evidence,
     reach_m,
+    scan_of,
+    wifi_log_odds,
 )
-from elfslam.serve.buildings.tables import Building, Floor, FloorPoint
-from elfslam.serve.buildings.wifi import KnownPoints, Scan, scan_of, wifi_log_odds
 from elfslam.serve.store.database import POSTGRESQL
+from elfslam.serve.store.tables import Building, Floor, FloorPoint
 
 Key = TypeVar("Key", int, str)
 MOST_FLOORS = 64

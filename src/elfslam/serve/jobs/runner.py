@@ -1,6 +1,6 @@
 """What works through the queue: one job after the other, each in a process of its own.
 
-Those processes are where `open_place` has them: on this machine, or on a cluster.
+Those processes are where `open_executor` has them: on this machine, or on a cluster.
 
 One server alone works on the jobs of a data folder: it holds the lock on a file there, and so do
 the processes of its jobs. Whoever gets the lock knows that nobody works on anything, and queues
@@ -24,10 +24,15 @@ from sqlalchemy.exc import OperationalError
 
 from elfslam.app.workers import WorkerDiedError, WorkersAwayError
 from elfslam.base.errors import InputError, WorkerError
-from elfslam.serve.jobs.child import LOG as CHILD_LOG
-from elfslam.serve.jobs.child import Progress, Result
-from elfslam.serve.jobs.executors import Executor, News, open_place
-from elfslam.serve.jobs.folder import DISK_FULL
+from elfslam.serve.jobs.executors import (
+    DISK_FULL,
+    Events,
+    Executor,
+    Progress,
+    Result,
+    open_executor,
+)
+from elfslam.serve.jobs.executors import LOG as CHILD_LOG
 from elfslam.serve.jobs.queue import (
     Claim,
     begin_again,
@@ -66,9 +71,9 @@ class WorkerContext:
     services: Services
     stopping: threading.Event
     lock: int
-    place: Executor
+    executor: Executor
     away: threading.Event
-    """Set where the workers of the place are gone."""
+    """Set where the workers of the executor are gone."""
     since_s: float
     """When the server began to work on jobs, by the monotonic clock."""
 
@@ -110,9 +115,9 @@ def _work_alone(services: Services, stopping: threading.Event) -> None:
 def _work_there(services: Services, stopping: threading.Event, lock: int, since_s: float) -> None:
     """Work until the server stops, or those who work are gone. Raises InputError, WorkerError."""
     settings = services.settings
-    with open_place(settings.on, settings.job_workers) as place:
-        bench = WorkerContext(services, stopping, lock, place, threading.Event(), since_s)
-        workers = [threading.Thread(target=_work, args=(bench,)) for _ in range(place.count)]
+    with open_executor(settings.on, settings.job_workers) as executor:
+        bench = WorkerContext(services, stopping, lock, executor, threading.Event(), since_s)
+        workers = [threading.Thread(target=_work, args=(bench,)) for _ in range(executor.count)]
         for worker in workers:
             worker.start()
         for worker in workers:
@@ -157,27 +162,27 @@ def _attempt(bench: WorkerContext, held: Claim, folder: Path) -> None:
     services = bench.services
     lay_out(services, held, folder)
     longest_s = services.settings.limits.job_s
-    result = _heard(bench, held, bench.place.news(folder, longest_s, bench.lock))
+    result = _result(bench, held, bench.executor.work(folder, longest_s, bench.lock))
     if result is None:
         if bench.stopping.is_set():
             give_back(services.sessions, held)
         return
     if result.problem is not None:
         _log(folder, held, result.problem)
-    if result.died and held.attempt < bench.place.tries:
+    if result.died and held.attempt < bench.executor.tries:
         _patiently(bench.stopping, partial(begin_again, services.sessions, held))
     else:
         _patiently(bench.stopping, partial(keep, services, held, folder, result))
 
 
-def _heard(bench: WorkerContext, held: Claim, news: News) -> Result | None:
-    """What came of a job, nothing where it was given up before: what it does is told meanwhile."""
-    with closing(news):  # type: ignore[type-var]
+def _result(bench: WorkerContext, held: Claim, events: Events) -> Result | None:
+    """What came of a job, nothing where it was given up before; its progress is told meanwhile."""
+    with closing(events):  # type: ignore[type-var]
         try:
-            for said in news:
-                if isinstance(said, Result):
-                    return said
-                if not _told(bench, held, said):
+            for event in events:
+                if isinstance(event, Result):
+                    return event
+                if not _goes_on(bench, held, event):
                     return None
         except WorkerDiedError as error:
             return Result(None, str(error), died=True)
@@ -193,15 +198,13 @@ def _put_back(bench: WorkerContext, held: Claim, error: WorkerError) -> None:
     bench.stopping.wait(POLL_S)
 
 
-def _told(bench: WorkerContext, held: Claim, doing: Progress) -> bool:
-    """Pass on what is being done; whether to go on. A database that is away stops nobody."""
+def _goes_on(bench: WorkerContext, held: Claim, progress: Progress | None) -> bool:
+    """Pass progress on; whether to go on. A database that is away stops nobody."""
     if bench.stopping.is_set():
         return False
     sessions = bench.services.sessions
     try:
-        if doing.what is None:
-            return holds(sessions, held)
-        return tell(sessions, held, doing.what, doing.share)
+        return holds(sessions, held) if progress is None else tell(sessions, held, progress)
     except OperationalError as error:
         LOG.warning("job %s: %s", held.job_id, error)
         return True

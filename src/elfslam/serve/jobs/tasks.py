@@ -14,19 +14,13 @@ from sqlalchemy.orm import Session
 
 from elfslam.base.errors import InputError
 from elfslam.data.facts import BY_TAPS
-from elfslam.serve.jobs.folder import GIVEN, TASK
+from elfslam.serve.jobs.executors import GIVEN, TASK
 from elfslam.serve.jobs.queue import Claim
 from elfslam.serve.services import Services
 from elfslam.serve.sharing.rights import Principal, Right, right_in
 from elfslam.serve.store import blobs
-from elfslam.serve.store.database import (
-    JobKind,
-    Map,
-    MapFile,
-    Recording,
-    RecordingFile,
-    reading,
-)
+from elfslam.serve.store.database import reading
+from elfslam.serve.store.tables import JobKind, Map, MapFile, Recording, RecordingFile
 
 RUN, FLOOR = "run", "floor"
 FRAME = "frame"

@@ -14,6 +14,7 @@ import resource
 import sys
 import traceback
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any, TextIO
@@ -35,7 +36,7 @@ from elfslam.data.fixes_files import write_fixes
 from elfslam.data.geojson_files import walk_lines
 from elfslam.data.map_files import read_map
 from elfslam.data.recordings import read_recording
-from elfslam.serve.jobs.folder import DISK_FULL, FIXES, GIVEN, OUT, TASK
+from elfslam.serve.jobs.executors import DISK_FULL, FIXES, GIVEN, OUT, TASK, Progress, Result
 from elfslam.slam import pipeline as slam
 from elfslam.slam.merging import MergeParameters
 
@@ -73,19 +74,19 @@ def work_on(folder: Path) -> None:
     _say(told, _result(folder, task, partial(_tell, told)))
 
 
-def _result(folder: Path, task: Json, announce: Announce) -> Json:
+def _result(folder: Path, task: Json, announce: Announce) -> Result:
     """What came of the task; what a user cannot act on is raised."""
     try:
         facts, problem = WORK[task["kind"]](folder, task, announce)
     except ElfslamError as error:
         problem = _no_space(error.__cause__, task) or in_words(error, folder)
-        return {"facts": None, "problem": problem}
+        return Result(None, problem)
     except (MemoryError, OSError) as error:
         traceback.print_exc()
         if (problem := _no_space(error, task)) is None:
             raise
-        return {"facts": None, "problem": problem}
-    return {"facts": facts, "problem": problem}
+        return Result(None, problem)
+    return Result(facts, problem)
 
 
 def _no_space(error: BaseException | None, task: Json) -> str | None:
@@ -198,11 +199,11 @@ def _bounds(xy_m: F64) -> list[float]:
 
 
 def _tell(told: TextIO, doing: str, share: float | None) -> None:
-    _say(told, {"doing": doing, "share": share})
+    _say(told, Progress(doing, share))
 
 
-def _say(told: TextIO, line: Json) -> None:
-    told.write(json.dumps(line, default=str) + "\n")
+def _say(told: TextIO, event: Progress | Result) -> None:
+    told.write(json.dumps(asdict(event), default=str) + "\n")
 
 
 def _limit(limits: Json) -> None:

@@ -19,15 +19,16 @@ from elfslam.serve.jobs.tasks import FLOOR_PLAN
 from elfslam.serve.maps.bodies import MapBody, body_of
 from elfslam.serve.parsing.child import Bounds
 from elfslam.serve.problems import Problem, problems
-from elfslam.serve.receiving.appending import Quota, append
 from elfslam.serve.receiving.completing import scratch
+from elfslam.serve.receiving.tus import Quota, append
 from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.settings import Limits
 from elfslam.serve.sharing.rights import Asks, Principal, Right, current_asker, map_for
 from elfslam.serve.store import blobs
-from elfslam.serve.store.database import MapFile, reading, transaction
+from elfslam.serve.store.database import reading, transaction
 from elfslam.serve.store.quota import drop_unnamed
 from elfslam.serve.store.sending import sent_blob
+from elfslam.serve.store.tables import MapFile
 
 router = APIRouter(
     tags=["maps"], prefix="/maps/{map_id}/floor-plan", dependencies=[Depends(current_asker)]

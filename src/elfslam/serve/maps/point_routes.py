@@ -25,9 +25,10 @@ from elfslam.serve.settings import ServerSettings
 from elfslam.serve.sharing.rights import Asks, Right, map_for
 from elfslam.serve.store import blobs
 from elfslam.serve.store.blobs import Blob
-from elfslam.serve.store.database import MapFile, reading, transaction
+from elfslam.serve.store.database import reading, transaction
 from elfslam.serve.store.quota import drop_unnamed
 from elfslam.serve.store.sending import scratch_file
+from elfslam.serve.store.tables import MapFile
 from elfslam.serve.texts import plain_line
 
 router = APIRouter(tags=["maps"], prefix="/maps/{map_id}/points-of-interest")

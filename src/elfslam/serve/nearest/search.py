@@ -1,7 +1,11 @@
-"""The nearest spots by an index that lies on disk."""
+"""The nearest spots: by looking at all of them (the oracle), or by an index of FAISS on disk.
+
+FAISS is imported here alone, and only when an index of it is used.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,11 +13,160 @@ from typing import Any
 import numpy as np
 
 from elfslam.base.arrays import F32, I64, Bool
-from elfslam.base.errors import ParameterError
-from elfslam.serve.nearest.engines import read_index, search_rows
-from elfslam.serve.nearest.exact import NONE, exact_search
-from elfslam.serve.nearest.folder import Meta, check_encoder, check_files, read_meta
-from elfslam.serve.nearest.vectors import Rows, check_rows, read_rows, take
+from elfslam.base.errors import InputError, ParameterError, StoreError
+from elfslam.base.extras import installing
+from elfslam.serve.nearest.folder import (
+    Meta,
+    NearestParameters,
+    Rows,
+    blocks,
+    check_encoder,
+    check_files,
+    check_rows,
+    loaded,
+    read_meta,
+    read_rows,
+    take,
+)
+
+EXACT_BLOCK = 8192
+NONE = -1
+"""The id where there is no further spot; its similarity is -1, too."""
+
+
+def exact_search(
+    shards: Sequence[Rows],
+    vectors: F32,
+    k: int,
+    gone: Bool | None = None,
+    *,
+    above: F32 | None = None,
+) -> tuple[I64, F32]:
+    """Ids (n, k) and cosines (n, k) of the spots nearest to unit rows (n, d), best first.
+
+    A spot's id is its number in all shards; of equal ones the lower id comes first. `gone` marks
+    spots that are not to be found; only those more alike than `above` (n) are, where it is given.
+    Where there are fewer than k, the rest have id -1.
+    """
+    least = np.full(len(vectors), -np.inf, dtype=np.float32) if above is None else above
+    ids = np.full((len(vectors), k), NONE, dtype=np.int64)
+    similarity = np.full((len(vectors), k), -1.0, dtype=np.float32)
+    for first, rows in blocks([loaded(shard) for shard in shards], EXACT_BLOCK):
+        scores = vectors @ rows.T
+        if gone is not None:
+            scores[:, gone[first : first + len(rows)]] = -np.inf
+        _keep_better(ids, similarity, scores, first, least)
+    return ids, similarity
+
+
+def _keep_better(ids: I64, similarity: F32, scores: F32, first: int, least: F32) -> None:
+    """Put what beats the worst of each row's best into them, in place."""
+    k = ids.shape[1]
+    bar = np.where(ids[:, -1] == NONE, least, similarity[:, -1])
+    for row in np.flatnonzero(scores.max(axis=1) > bar):
+        new = np.flatnonzero(scores[row] > bar[row])
+        if len(new) > k:
+            new = new[np.argpartition(-scores[row, new], k - 1)[:k]]
+        both_ids = np.concatenate([ids[row], first + new])
+        both = np.concatenate([similarity[row], scores[row, new]])
+        order = np.lexsort((both_ids, -both, both_ids == NONE))[:k]
+        ids[row], similarity[row] = both_ids[order], both[order]
+
+
+FEWEST_CODES = 256
+"""Examples that the codes of ivf-pq need at least: one per value of a byte."""
+
+
+def faiss_module() -> Any:
+    """FAISS. Raises InputError where it is not installed."""
+    try:
+        import faiss
+    except ImportError as cause:
+        raise InputError(
+            "an index other than flat needs faiss, which is not installed; "
+            f"{installing('buildings')}, or build one of kind flat"
+        ) from cause
+    return faiss
+
+
+def cells_for(parameters: NearestParameters, count: int) -> int:
+    """How many cells an ivf index of so many spots has."""
+    return parameters.cells or 2 ** int(np.ceil(np.log2(max(count, 1)) / 2))
+
+
+def trained(parameters: NearestParameters, shards: Sequence[Rows]) -> Any:
+    """An empty index of a kind other than flat that has learnt from some of the rows."""
+    faiss = faiss_module()
+    count, size = sum(map(len, shards)), shards[0].shape[1]
+    ip, half = faiss.METRIC_INNER_PRODUCT, faiss.ScalarQuantizer.QT_fp16
+    cells, centres = cells_for(parameters, count), faiss.IndexFlatIP(size)
+    if parameters.kind == "hnsw":
+        eight = faiss.ScalarQuantizer.QT_8bit
+        index = faiss.IndexHNSWSQ(size, eight, parameters.links, ip)
+        index.hnsw.efConstruction = parameters.breadth
+    elif parameters.kind == "ivf-flat":
+        index = faiss.IndexIVFScalarQuantizer(centres, size, cells, half, ip, False)
+    else:
+        index = faiss.IndexIVFPQ(centres, size, cells, parameters.code_bytes, 8, ip)
+    if parameters.kind != "hnsw":
+        index.cp.spherical, index.cp.seed = True, parameters.seed + 1
+        index.cp.min_points_per_centroid = 1
+    index.train(_examples(parameters, shards, cells))
+    return index
+
+
+def _examples(parameters: NearestParameters, shards: Sequence[Rows], cells: int) -> F32:
+    count = sum(map(len, shards))
+    wanted = min(max(parameters.examples * cells, FEWEST_CODES * 40), count)
+    generator = np.random.default_rng(parameters.seed)
+    return take(shards, np.sort(generator.choice(count, wanted, replace=False)))
+
+
+def add_rows(index: Any, shards: Sequence[Rows]) -> None:
+    """All rows added to an index; their ids go on from those that it has."""
+    for _, rows in blocks(shards):
+        index.add(rows)
+
+
+def write_index(index: Any, file: Path) -> None:
+    """The index as a file of FAISS. Raises StoreError."""
+    try:
+        faiss_module().write_index(index, str(file))
+    except RuntimeError as cause:
+        raise StoreError(f"{file}: cannot be written; is the disk full?") from cause
+
+
+def read_index(file: Path, kind: str, *, mapped: bool = True) -> Any:
+    """The index of a file, its spots left on the disk until they are needed where `mapped`.
+
+    Raises StoreError where it cannot be read.
+    """
+    faiss = faiss_module()
+    flags = faiss.IO_FLAG_MMAP_IFC if kind == "hnsw" else faiss.IO_FLAG_MMAP
+    try:
+        return faiss.read_index(str(file), flags if mapped else 0)
+    except RuntimeError as cause:
+        raise StoreError(f"{file}: is no index of FAISS; build the index again") from cause
+
+
+def search_rows(
+    index: Any, kind: str, vectors: F32, k: int, effort: int, gone: Bool | None
+) -> tuple[I64, F32]:
+    """Ids and similarities (n, k) by FAISS, without the spots that are `gone`; -1 for none."""
+    faiss = faiss_module()
+    settings = _settings(faiss, index, kind, effort, gone)
+    similarity, ids = index.search(np.ascontiguousarray(vectors), k, params=settings)
+    return ids, np.where(ids < 0, np.float32(-1.0), similarity)
+
+
+def _settings(faiss: Any, index: Any, kind: str, effort: int, gone: Bool | None) -> Any:
+    kept = {}
+    if gone is not None:
+        bits = np.packbits(~gone[: index.ntotal], bitorder="little")
+        kept["sel"] = faiss.IDSelectorBitmap(bits)
+    if kind == "hnsw":
+        return faiss.SearchParametersHNSW(efSearch=effort, **kept)
+    return faiss.SearchParametersIVF(nprobe=min(effort, index.nlist), **kept)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,57 +1,227 @@
-"""Runs the server: sockets, certificate, pairing address, and a stop that finishes its work."""
+"""Runs the server: sockets, certificate, pairing address, and a stop that finishes its work.
+
+The owner's token and the signing key pair phones. Both are looked at before anything is written:
+whoever lost one of them decides what happens.
+"""
 
 from __future__ import annotations
 
+import gc
 import io
+import os
+import resource
+import socket
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import segno
-from sqlalchemy import Engine
+import uvicorn
+from sqlalchemy import Engine, inspect, select
+from sqlalchemy.engine import Connection
+from starlette.types import ASGIApp
 
 from elfslam.app.workers.choosing import why_away
-from elfslam.base.errors import InputError
+from elfslam.base.errors import InputError, StoreError
+from elfslam.base.text_files import read_bytes
 from elfslam.serve.app import create_app
 from elfslam.serve.buildings.files import open_files
 from elfslam.serve.network.addresses import (
+    ALONE,
     LOOPBACK,
     checked_hosts,
+    last_url,
     listening_at,
+    reaches_nobody,
+    remember_url,
     server_names,
+    told_url,
     url_of,
 )
 from elfslam.serve.network.authority import (
     AUTHORITY,
+    SIGNING_KEY,
     Certificate,
     check_authority,
+    fingerprint,
     fingerprint_of,
+    pairing_fragment,
+    read_key,
     server_certificate,
+    signing_key,
     utc_now,
+    write_private,
 )
-from elfslam.serve.network.credentials import (
-    check_credentials,
-    owner_token,
-    trust_key,
-)
-from elfslam.serve.network.reach import (
-    ALONE,
-    last_url,
-    reaches_nobody,
-    remember_url,
-    told_url,
-)
-from elfslam.serve.network.serving import allow_open_files, serve
-from elfslam.serve.network.signing import pairing_fragment
-from elfslam.serve.people.users import add_user
+from elfslam.serve.network.connections import CountingListener, PatientConfig, Visitors
+from elfslam.serve.people.access import new_token, token_sha256
+from elfslam.serve.people.users import add_user, set_owner_token
 from elfslam.serve.problems import Problem
 from elfslam.serve.services import Services, open_services
-from elfslam.serve.settings import PORT, ServerSettings
-from elfslam.serve.store.database import answering
+from elfslam.serve.settings import PORT, Limits, ServerSettings
+from elfslam.serve.store.database import answering, reading, transaction
 from elfslam.serve.store.holding import holding
 from elfslam.serve.store.opening import TRIES, alone_with
+from elfslam.serve.store.tables import Store, User
 from elfslam.serve.texts import plain_line
+
+OWNER_TOKEN = "owner.token"
+MOST_TOKEN_BYTES = 1000
+
+
+def check_credentials(
+    engine: Engine, folder: Path, *, renews_token: bool, renews_key: bool
+) -> None:
+    """Raise StoreError where the owner's token or the signing key is not the one in use.
+
+    `folder` is that of the authority, `engine` a database of whatever version.
+    """
+    with answering(engine), engine.connect() as connection:
+        owner = _told(connection, User.token_sha256, User.is_owner)
+        trusted = _told(connection, Store.signing_key, None)
+    token = _read_token(folder / OWNER_TOKEN)
+    if owner and not renews_token and (token is None or token_sha256(token) != owner):
+        raise StoreError(
+            f"{folder / OWNER_TOKEN}: is {'missing' if token is None else 'another one'}; restore "
+            "it from a backup, or pair the owner's devices again with a new one",
+            options=("new_token",),
+        )
+    here = read_key(folder) if os.path.lexists(folder / SIGNING_KEY) and not renews_key else None
+    if not trusted or renews_key:
+        return
+    if here is None or fingerprint(here) != trusted:
+        raise StoreError(
+            f"{folder / SIGNING_KEY}: is {'another one' if here else 'missing'}, and paired phones "
+            "trust what it signed; restore it from a backup, or pair all phones again with "
+            "a new one",
+            options=("new_key",),
+        )
+
+
+def _told(connection: Connection, wanted: Any, condition: Any) -> str | None:
+    """The value of a column, where a database of that version has it and a row."""
+    table = wanted.class_.__tablename__
+    inspector = inspect(connection)
+    if not inspector.has_table(table):
+        return None
+    if wanted.key not in {each["name"] for each in inspector.get_columns(table)}:
+        return None
+    query = select(wanted) if condition is None else select(wanted).where(condition)
+    found: str | None = connection.execute(query).scalar()
+    return found
+
+
+def owner_token(services: Services, *, renewed: bool = False) -> str:
+    """The owner's token, kept so that every start shows the same address."""
+    file = services.settings.authority_folder / OWNER_TOKEN
+    token = None if renewed else _read_token(file)
+    if token is None:
+        token = new_token()
+        write_private(file, f"{token}\n".encode())
+    with reading(services.sessions) as session:
+        known = session.scalar(select(User.token_sha256).filter_by(is_owner=True))
+    if known != token_sha256(token):
+        set_owner_token(services, token)
+    return token
+
+
+def trust_key(services: Services, *, renewed: bool = False) -> None:
+    """Remember which signing key phones trust from now on: that of the folder, or a new one."""
+    folder = services.settings.authority_folder
+    if renewed:
+        (folder / SIGNING_KEY).unlink(missing_ok=True)
+    told = fingerprint(signing_key(folder))
+    with reading(services.sessions) as session:
+        if session.scalar(select(Store.signing_key)) == told:
+            return
+    with transaction(services.sessions) as session:
+        session.scalars(select(Store)).one().signing_key = told
+
+
+def _read_token(file: Path) -> str | None:
+    """A token, None where there is none. Raises StoreError for anything else."""
+    if not os.path.lexists(file):
+        return None
+    text = read_bytes(file, MOST_TOKEN_BYTES).decode("ascii", "replace").strip()
+    if not text or not text.replace("-", "").replace("_", "").isalnum() or not text.isascii():
+        raise StoreError(
+            f"{file}: is damaged; restore it from a backup, or delete it for a new one",
+            options=("new_token",),
+        )
+    return text
+
+
+STOP_S = 10
+"""How long requests that are being answered may go on when the server is stopped."""
+KEEP_ALIVE_S = 60
+"""A phone that sends a piece now and then keeps its connection."""
+AT_ONCE = 4
+"""So many connections are accepted before those that are there get their next turn."""
+
+
+def serve(
+    app: ASGIApp,
+    sockets: Sequence[socket.socket],
+    limits: Limits,
+    certificate: Certificate | None,
+    stopping: Callable[[], None],
+) -> None:
+    """Serve until stopped; plain HTTP without a certificate. `stopping` ends what has no end.
+
+    That is spoken to a reverse proxy, at whose one address everybody is: only all are counted.
+    """
+    of_one = limits.connections if certificate is None else limits.address_connections
+    visitors = Visitors(limits.connections, of_one)
+    config = PatientConfig(
+        visitors,
+        limits,
+        app=app,
+        ws="none",
+        log_config=None,  # as everybody else's
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        proxy_headers=certificate is None,
+        backlog=AT_ONCE,
+        timeout_graceful_shutdown=STOP_S,
+        timeout_keep_alive=KEEP_ALIVE_S,
+        ssl_certfile=None if certificate is None else certificate.certificate,
+        ssl_keyfile=None if certificate is None else certificate.key,
+    )
+    gc.freeze()  # what is there now stays, and need not be looked through
+    secure = certificate is not None
+    doors: list[socket.socket] = [
+        CountingListener(each, visitors, speaks_tls=secure) for each in sockets
+    ]
+    StoppingServer(config, stopping).run(sockets=doors)
+
+
+def allow_open_files(wanted: int) -> None:
+    """Let this process open so many files at once. Raises InputError where it may not."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    unlimited = resource.RLIM_INFINITY
+    if hard != unlimited and hard < wanted:
+        raise InputError(
+            f"this process may open {hard} files at once, wanted {wanted} for connections and "
+            f"files; allow more, such as with ulimit -n {wanted}"
+        )
+    if soft != unlimited and soft < wanted:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+
+
+class StoppingServer(uvicorn.Server):
+    """uvicorn's server, which says that it stops before it waits for answers to end."""
+
+    def __init__(self, config: uvicorn.Config, stopping: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._stopping = stopping
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """As uvicorn does it, streams told to end."""
+        self._stopping()
+        await super().shutdown(sockets)
+
 
 OTHER_FILES = 100
 """Of the database, jobs and uploads, beside one for each connection."""
@@ -171,7 +341,8 @@ def _hosts(settings: ServerSettings, listening: Listening) -> list[str]:
     hosts = checked_hosts(listening.host or LOOPBACK, allow_public=False)
     if not all(host.startswith("127.") or host == "::1" for host in hosts):
         raise InputError(
-            f"--host {listening.host}: plain HTTP is spoken on this machine alone; leave --http out"
+            f"{listening.host}: plain HTTP is spoken on this machine alone; choose HTTPS",
+            options=("host", "http"),
         )
     return hosts
 

@@ -13,22 +13,21 @@ from elfslam.data.atomic_files import sync
 from elfslam.serve.people.access import known_id, not_found
 from elfslam.serve.problems import Problem, disk_full
 from elfslam.serve.receiving import tus
-from elfslam.serve.receiving.appending import Quota
+from elfslam.serve.receiving.tus import Quota
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
-from elfslam.serve.store.database import (
+from elfslam.serve.store.blobs import refuse_full_disk
+from elfslam.serve.store.database import reading, transaction
+from elfslam.serve.store.quota import refuse_more_recordings, upload_bytes, used_bytes
+from elfslam.serve.store.tables import (
     Recording,
     RecordingFile,
     RecordingState,
     Upload,
     User,
     new_id,
-    reading,
-    transaction,
 )
-from elfslam.serve.store.disk_room import refuse_full_disk
-from elfslam.serve.store.folder_files import FILE_NAMES, WHOLE, is_whole
-from elfslam.serve.store.quota import refuse_more_recordings, upload_bytes, used_bytes
+from elfslam.serve.store.zips import FILE_NAMES, WHOLE, is_whole
 from elfslam.serve.texts import plain_line
 
 

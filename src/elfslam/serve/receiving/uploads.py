@@ -14,7 +14,8 @@ from elfslam.serve.people.access import Me
 from elfslam.serve.people.guards import TUS_VERSION, UPLOADS
 from elfslam.serve.problems import WRONG_CHECKSUM, problems
 from elfslam.serve.receiving import tus
-from elfslam.serve.receiving.appending import append
+from elfslam.serve.receiving.completing import finish_whole
+from elfslam.serve.receiving.tus import append
 from elfslam.serve.receiving.upload_store import (
     Appended,
     begin,
@@ -26,11 +27,10 @@ from elfslam.serve.receiving.upload_store import (
     room_for,
     wanted_of,
 )
-from elfslam.serve.receiving.whole_uploads import finish_whole
 from elfslam.serve.services import Services, ServicesDep
-from elfslam.serve.store.database import Upload
-from elfslam.serve.store.folder_files import is_whole
 from elfslam.serve.store.quota import upload_bytes
+from elfslam.serve.store.tables import Upload
+from elfslam.serve.store.zips import is_whole
 from elfslam.serve.texts import AsWhole
 
 router = APIRouter(prefix="/uploads", tags=["uploads"])

@@ -31,8 +31,8 @@ from elfslam.serve.people.access import (
 )
 from elfslam.serve.problems import Problem, of_http, of_validation
 from elfslam.serve.services import ServicesDep, services_of
-from elfslam.serve.sharing.tables import GroupMember, MapGroupShare, MapLink, MapShare, Shared
-from elfslam.serve.store.database import Map, reading
+from elfslam.serve.store.database import reading
+from elfslam.serve.store.tables import GroupMember, Map, MapGroupShare, MapLink, MapShare, Shared
 
 LINK_COOKIE = "elfslam_link"
 LINK_SECRET = Cookie(alias=LINK_COOKIE, include_in_schema=False)

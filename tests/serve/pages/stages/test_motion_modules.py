@@ -13,12 +13,7 @@ import pytest
 from scipy import signal
 
 from elfslam.base.values import Imu
-from elfslam.stages.motion import (
-    BEGINNING,
-    MotionParameters,
-    find_footsteps,
-    go_on,
-)
+from elfslam.stages.motion import BEGINNING, MotionParameters, find_footsteps, go_on
 from elfslam.stages.motion.footsteps import bounce_rms, vertical_bounce
 from elfslam.stages.motion.heading import phone_turn, smooth_heading
 from elfslam.stages.motion.lengths import lengths_between

@@ -2,8 +2,8 @@
 
 from alembic import context
 
-from elfslam.serve.store.database import Base
 from elfslam.serve.store.schema import VERSION_TABLE
+from elfslam.serve.store.tables import Base
 
 connection = context.config.attributes["connection"]
 context.configure(
