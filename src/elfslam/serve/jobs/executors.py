@@ -62,7 +62,7 @@ class Result:
     """
 
     facts: dict[str, Any] | None
-    problem: str | None
+    problem: str | None = None
     died: bool = False
 
 
