@@ -30,7 +30,6 @@ from elfslam.serve.positions.webhooks import posting
 from elfslam.serve.problems import EVERYWHERE, ProblemBody, install_problems
 from elfslam.serve.receiving import recordings, uploads
 from elfslam.serve.services import Services, ServicesDep
-from elfslam.serve.settings import told_limits
 from elfslam.serve.sharing import routes as sharing
 from elfslam.serve.sharing.rights import identify_first
 from elfslam.serve.store.sweeps import sweeping
@@ -90,7 +89,7 @@ def version(services: ServicesDep) -> Version:
         version=__version__,
         chirp=played(ChirpParameters()),
         medium_access=asdict(MediumAccessParameters()),
-        limits=told_limits(services.settings.limits),
+        limits=asdict(services.settings.limits),
     )
 
 

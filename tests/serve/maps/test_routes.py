@@ -127,10 +127,7 @@ def test_none_is_deleted_where_one_is_somebody_elses(let_in: LetIn, put_map: Put
 
 
 def test_phones_are_told_where_a_map_lies(
-    owner: TestClient,
-    plant: Callable[[Path], Any],
-    maps: tuple[FloorMap, FloorMap],
-    tmp_path: Path,
+    owner: TestClient, plant: Callable[[Path], Any], maps: tuple[FloorMap, FloorMap], tmp_path: Path
 ) -> None:
     map_id = plant(tmp_path / "data").put(maps[0])
 

@@ -131,9 +131,7 @@ def test_a_signature_holds_for_these_bytes_alone(tmp_path: Path) -> None:
 @pytest.mark.parametrize("content", [b"", b"no key", None])
 def test_a_damaged_key_is_refused(tmp_path: Path, content: bytes | None) -> None:
     other = ec.generate_private_key(ec.SECP384R1()).private_bytes(
-        serialization.Encoding.PEM,
-        serialization.PrivateFormat.PKCS8,
-        serialization.NoEncryption(),
+        serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
     )
     (tmp_path / SIGNING_KEY).write_bytes(other if content is None else content)
     with pytest.raises(StoreError, match="is no key"):

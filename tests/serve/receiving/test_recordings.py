@@ -276,9 +276,7 @@ def test_a_zip_whose_recording_was_not_made_before_a_kill(
 
 
 @BOTH
-def test_a_recording_deleted_while_it_is_kept_leaves_nothing(
-    services: Services,
-) -> None:
+def test_a_recording_deleted_while_it_is_kept_leaves_nothing(services: Services) -> None:
     path = services.settings.uploads_folder / "x"
     path.write_bytes(b"x")
 
@@ -306,10 +304,7 @@ def test_a_recording_is_renamed(owner: TestClient, guest: TestClient) -> None:
 
 @DATABASES
 def test_many_recordings_are_deleted_at_once_with_what_came_of_them_alone(
-    owner: TestClient,
-    guest: TestClient,
-    services: Services,
-    put_map: Callable[..., str],
+    owner: TestClient, guest: TestClient, services: Services, put_map: Callable[..., str]
 ) -> None:
     mine, theirs = [begun(owner, f"walk {k}") for k in range(4)], begun(guest)
     alone = put_map(owner, "alone", sources=mine[:1])

@@ -218,8 +218,7 @@ def test_metadata_that_is_none(owner: TestClient, metadata: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "length",
-    [{}, {"Upload-Length": "5", "Upload-Defer-Length": "1"}, {"Upload-Defer-Length": "2"}],
+    "length", [{}, {"Upload-Length": "5", "Upload-Defer-Length": "1"}, {"Upload-Defer-Length": "2"}]
 )
 def test_a_length_or_none_yet(owner: TestClient, length: dict[str, str]) -> None:
     told = f"recording {coded(begun(owner))},filename {coded('wifi.csv')}"

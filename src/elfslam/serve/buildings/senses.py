@@ -193,9 +193,7 @@ def _gaussian_log(apart: F64, sigma: F64 | float) -> F64:
     return np.asarray(-0.5 * (apart / sigma) ** 2 - np.log(sigma))
 
 
-def _levels_by_point(
-    scans: Sequence[WifiScans],
-) -> tuple[dict[int, list[float]], Counter[int]]:
+def _levels_by_point(scans: Sequence[WifiScans]) -> tuple[dict[int, list[float]], Counter[int]]:
     """Levels of all sightings by address, and on how many walks it was heard."""
     levels: dict[int, list[float]] = defaultdict(list)
     walks: Counter[int] = Counter()

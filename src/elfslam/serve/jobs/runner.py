@@ -24,6 +24,7 @@ from sqlalchemy.exc import OperationalError
 
 from elfslam.app.workers import WorkerDiedError, WorkersAwayError
 from elfslam.base.errors import InputError, WorkerError
+from elfslam.serve.jobs import queue
 from elfslam.serve.jobs.executors import (
     DISK_FULL,
     Events,
@@ -33,17 +34,6 @@ from elfslam.serve.jobs.executors import (
     open_executor,
 )
 from elfslam.serve.jobs.executors import LOG as CHILD_LOG
-from elfslam.serve.jobs.queue import (
-    Claim,
-    begin_again,
-    begun_at_most,
-    claim,
-    finish,
-    give_back,
-    holds,
-    queue_interrupted,
-    tell,
-)
 from elfslam.serve.jobs.results import keep
 from elfslam.serve.jobs.tasks import lay_out
 from elfslam.serve.problems import is_disk_full
@@ -102,7 +92,7 @@ def _work_alone(services: Services, stopping: threading.Event) -> None:
                 return
         for left in services.settings.work_folder.glob(f"{FOLDERS}*"):
             shutil.rmtree(left, ignore_errors=True)
-        _patiently(stopping, partial(queue_interrupted, services.sessions))
+        _patiently(stopping, partial(queue.queue_interrupted, services.sessions))
         since_s = time.monotonic()
         while not stopping.is_set():
             try:
@@ -130,15 +120,15 @@ def _work(bench: WorkerContext) -> None:
     services = bench.services
     while not bench.stopping.is_set() and not bench.away.is_set():
         services.jobs_wanted.clear()
-        begun = begun_at_most(time.monotonic() - bench.since_s)
-        held = _patiently(bench.stopping, partial(claim, services.sessions, begun))
+        begun = queue.begun_at_most(time.monotonic() - bench.since_s)
+        held = _patiently(bench.stopping, partial(queue.claim, services.sessions, begun))
         if held is None:
             services.jobs_wanted.wait(POLL_S)
         else:
             _work_on(bench, held)
 
 
-def _work_on(bench: WorkerContext, held: Claim) -> None:
+def _work_on(bench: WorkerContext, held: queue.Claim) -> None:
     services = bench.services
     folder = services.settings.work_folder / f"{FOLDERS}{held.job_id}-{held.token[:8]}"
     problem = None
@@ -158,24 +148,24 @@ def _work_on(bench: WorkerContext, held: Claim) -> None:
         _patiently(bench.stopping, partial(_fail, services, held, problem))
 
 
-def _attempt(bench: WorkerContext, held: Claim, folder: Path) -> None:
+def _attempt(bench: WorkerContext, held: queue.Claim, folder: Path) -> None:
     services = bench.services
     lay_out(services, held, folder)
     longest_s = services.settings.limits.job_s
     result = _result(bench, held, bench.executor.work(folder, longest_s, bench.lock))
     if result is None:
         if bench.stopping.is_set():
-            give_back(services.sessions, held)
+            queue.give_back(services.sessions, held)
         return
     if result.problem is not None:
         _log(folder, held, result.problem)
     if result.died and held.attempt < bench.executor.tries:
-        _patiently(bench.stopping, partial(begin_again, services.sessions, held))
+        _patiently(bench.stopping, partial(queue.begin_again, services.sessions, held))
     else:
         _patiently(bench.stopping, partial(keep, services, held, folder, result))
 
 
-def _result(bench: WorkerContext, held: Claim, events: Events) -> Result | None:
+def _result(bench: WorkerContext, held: queue.Claim, events: Events) -> Result | None:
     """What came of a job, nothing where it was given up before; its progress is told meanwhile."""
     with closing(events):  # type: ignore[type-var]
         try:
@@ -189,30 +179,34 @@ def _result(bench: WorkerContext, held: Claim, events: Events) -> Result | None:
     raise WorkersAwayError("the cluster stopped in the middle; asking for it again")
 
 
-def _put_back(bench: WorkerContext, held: Claim, error: WorkerError) -> None:
+def _put_back(bench: WorkerContext, held: queue.Claim, error: WorkerError) -> None:
     """Nobody there can do a job that is not at fault: it waits."""
     LOG.warning("job %s waits: %s", held.job_id, error)
     if isinstance(error, WorkersAwayError):
         bench.away.set()
-    _patiently(bench.stopping, partial(give_back, bench.services.sessions, held))
+    _patiently(bench.stopping, partial(queue.give_back, bench.services.sessions, held))
     bench.stopping.wait(POLL_S)
 
 
-def _goes_on(bench: WorkerContext, held: Claim, progress: Progress | None) -> bool:
+def _goes_on(bench: WorkerContext, held: queue.Claim, progress: Progress | None) -> bool:
     """Pass progress on; whether to go on. A database that is away stops nobody."""
     if bench.stopping.is_set():
         return False
     sessions = bench.services.sessions
     try:
-        return holds(sessions, held) if progress is None else tell(sessions, held, progress)
+        return (
+            queue.holds(sessions, held)
+            if progress is None
+            else queue.tell(sessions, held, progress)
+        )
     except OperationalError as error:
         LOG.warning("job %s: %s", held.job_id, error)
         return True
 
 
-def _fail(services: Services, held: Claim, problem: str) -> None:
+def _fail(services: Services, held: queue.Claim, problem: str) -> None:
     with transaction(services.sessions) as session:
-        finish(session, held, {}, problem)
+        queue.finish(session, held, {}, problem)
 
 
 def _patiently(stopping: threading.Event, act: Callable[[], T]) -> T | None:
@@ -226,7 +220,7 @@ def _patiently(stopping: threading.Event, act: Callable[[], T]) -> T | None:
             return None
 
 
-def _log(folder: Path, held: Claim, problem: str) -> None:
+def _log(folder: Path, held: queue.Claim, problem: str) -> None:
     """What the work's own process said of its failure, where it said anything."""
     file = folder / CHILD_LOG
     said = file.read_text(encoding="utf-8", errors="replace") if file.exists() else ""

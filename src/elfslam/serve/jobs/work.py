@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 
@@ -39,6 +39,9 @@ from elfslam.data.recordings import read_recording
 from elfslam.serve.jobs.executors import DISK_FULL, FIXES, GIVEN, OUT, TASK, Progress, Result
 from elfslam.slam import pipeline as slam
 from elfslam.slam.merging import MergeParameters
+
+if TYPE_CHECKING:
+    from elfslam.serve.store.tables import MapFacts
 
 ENCODER = "compact"
 STAGES = {
@@ -117,7 +120,7 @@ def _map(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | None
         announce(name, STAGES.get(name) if share is None else share)
 
     run = map_into(folder / OUT, folder / GIVEN / task["recording"], job, stage)
-    facts = _facts_of_run(run) | _said_of_run(folder / OUT)
+    facts = {**_facts_of_run(run), **_said_of_run(folder / OUT)}
     return facts, _problem_of(lambda: refuse_unclosed(run))
 
 
@@ -128,7 +131,7 @@ def _start_pose(given: list[float] | None) -> Pose | None:
     return x_m, y_m, heading_rad
 
 
-def _facts_of_run(run: Run) -> Json:
+def _facts_of_run(run: Run) -> MapFacts:
     xy_m, t_s = run.trajectory.world_from_body[:, :2], run.trajectory.t_s
     return {
         "walks": 1,
@@ -155,7 +158,7 @@ def _merge(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | No
     known = task["known_starts"]
     made = merge_into(folder / OUT, paths, MergeParameters(), announce, known_starts=known)
     floor_map = made.floor_map
-    facts = {
+    facts: MapFacts = {
         "walks": len(floor_map.sources),
         "spots": len(floor_map.xy_m),
         "distance_m": round(sum(path_length_m(line) for _, line in walk_lines(floor_map)), 2),
@@ -163,7 +166,7 @@ def _merge(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | No
         "refused": made.refused,
         "bounds_m": _bounds(floor_map.xy_m),
     }
-    return facts, None
+    return dict(facts), None
 
 
 def _locate(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | None]:

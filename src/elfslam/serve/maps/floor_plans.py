@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -109,11 +110,7 @@ def _put(
             found = map_for(session, asker, map_id, Right.EDIT)
             older = session.get(MapFile, (map_id, FLOOR_PLAN))
             named = [] if older is None else [older.sha256]
-            session.merge(
-                MapFile(
-                    map_id=map_id, name=FLOOR_PLAN, sha256=blob.sha256, size_bytes=blob.size_bytes
-                )
-            )
+            session.merge(MapFile(map_id=map_id, name=FLOOR_PLAN, **asdict(blob)))
             found.floor_plan = {"placement": None, **(found.floor_plan or {}), **facts}
             answer = body_of(session, asker, found)
     drop_unnamed(services, named)

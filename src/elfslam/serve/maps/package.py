@@ -119,7 +119,7 @@ def manifest_of(
     }
     plan = sources.files.get(FLOOR_PLAN)
     if plan is not None and sources.floor_plan is not None:
-        manifest["floor_plan"] = {**_told(plan), **sources.floor_plan}
+        manifest["floor_plan"] = {**asdict(plan), **sources.floor_plan}
     if sources.points_of_interest:
         manifest["points_of_interest"] = [asdict(each) for each in sources.points_of_interest]
     return _text(manifest)
@@ -137,13 +137,13 @@ def check_encoder(floor_map: FloorMap, encoder: Blob) -> None:
 def content_of(floor_map: FloorMap, encoder: Blob, kept: Callable[[bytes], Blob]) -> Json:
     """What a manifest says of a map's parts, each of which was `kept`. Raises InputError."""
     return {
-        "encoder": {**_told(encoder), "identity": encoder_identity(floor_map)},
+        "encoder": {**asdict(encoder), "identity": encoder_identity(floor_map)},
         "tiles": [
-            {**_told(kept(tile.content)), "spots": tile.spots, "square": list(tile.square)}
+            {**asdict(kept(tile.content)), "spots": tile.spots, "square": list(tile.square)}
             for tile in tiles_of(floor_map)
         ],
         "features": [
-            {**_told(kept(each.content)), "spots": each.spots, "walk": each.walk}
+            {**asdict(kept(each.content)), "spots": each.spots, "walk": each.walk}
             for each in stretches_of(floor_map)
         ],
     }
@@ -203,17 +203,10 @@ def _kept(
     )
     session.merge(
         MapPackage(
-            map_id=found.id,
-            sources_sha256=sources.sha256,
-            revision=revision,
-            manifest=manifest,
+            map_id=found.id, sources_sha256=sources.sha256, revision=revision, manifest=manifest
         )
     )
     return manifest, [sha256 for sha256 in before if sha256 not in sizes]
-
-
-def _told(blob: Blob) -> Json:
-    return {"sha256": blob.sha256, "size_bytes": blob.size_bytes}
 
 
 def _text(told: object) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Annotated
 
 from fastapi import APIRouter
@@ -136,8 +137,7 @@ def _replace(session: Session, map_id: str, older: MapFile | None, table: Blob |
         session.delete(older)
         session.flush()
     if table is not None:
-        told = {"sha256": table.sha256, "size_bytes": table.size_bytes}
-        session.add(MapFile(map_id=map_id, name=POINTS_OF_INTEREST, **told))
+        session.add(MapFile(map_id=map_id, name=POINTS_OF_INTEREST, **asdict(table)))
         session.flush()
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from elfslam.serve.nearest.build import absorb, add_map, build_index, remove_map
-from elfslam.serve.nearest.folder import NearestParameters, newest_revision, read_meta, verify
+from elfslam.serve.nearest.folder import NearestParameters, newest_revision, read_meta
 from elfslam.serve.nearest.search import Index, exact_search, open_index
 from elfslam.serve.nearest.vote import MapCandidate, Naming, VoteParameters, which_map
 
@@ -21,6 +21,5 @@ __all__ = [
     "open_index",
     "read_meta",
     "remove_map",
-    "verify",
     "which_map",
 ]

@@ -292,15 +292,6 @@ def check_files(folder: Path, meta: Meta) -> None:
             )
 
 
-def verify(folder: Path) -> None:
-    """Read all of an index. Raises StoreError for a file whose digest is another."""
-    meta = read_meta(folder)
-    check_files(folder, meta)
-    for each in meta.files:
-        if sha256_of(folder / each.name) != each.sha256:
-            raise StoreError(f"{folder / each.name}: was damaged; copy or build the index again")
-
-
 def check_encoder(meta: Meta, encoder: str) -> None:
     """Raise InputError for vectors of another encoder than the index was made with."""
     if encoder != meta.encoder:

@@ -15,19 +15,7 @@ import numpy as np
 from elfslam.base.arrays import F32, I64, Bool
 from elfslam.base.errors import InputError, ParameterError, StoreError
 from elfslam.base.extras import installing
-from elfslam.serve.nearest.folder import (
-    Meta,
-    NearestParameters,
-    Rows,
-    blocks,
-    check_encoder,
-    check_files,
-    check_rows,
-    loaded,
-    read_meta,
-    read_rows,
-    take,
-)
+from elfslam.serve.nearest import folder as disk
 
 EXACT_BLOCK = 8192
 NONE = -1
@@ -35,34 +23,27 @@ NONE = -1
 
 
 def exact_search(
-    shards: Sequence[Rows],
-    vectors: F32,
-    k: int,
-    gone: Bool | None = None,
-    *,
-    above: F32 | None = None,
+    shards: Sequence[disk.Rows], vectors: F32, k: int, gone: Bool | None = None
 ) -> tuple[I64, F32]:
     """Ids (n, k) and cosines (n, k) of the spots nearest to unit rows (n, d), best first.
 
     A spot's id is its number in all shards; of equal ones the lower id comes first. `gone` marks
-    spots that are not to be found; only those more alike than `above` (n) are, where it is given.
-    Where there are fewer than k, the rest have id -1.
+    spots that are not to be found. Where there are fewer than k, the rest have id -1.
     """
-    least = np.full(len(vectors), -np.inf, dtype=np.float32) if above is None else above
     ids = np.full((len(vectors), k), NONE, dtype=np.int64)
     similarity = np.full((len(vectors), k), -1.0, dtype=np.float32)
-    for first, rows in blocks([loaded(shard) for shard in shards], EXACT_BLOCK):
+    for first, rows in disk.blocks([disk.loaded(shard) for shard in shards], EXACT_BLOCK):
         scores = vectors @ rows.T
         if gone is not None:
             scores[:, gone[first : first + len(rows)]] = -np.inf
-        _keep_better(ids, similarity, scores, first, least)
+        _keep_better(ids, similarity, scores, first)
     return ids, similarity
 
 
-def _keep_better(ids: I64, similarity: F32, scores: F32, first: int, least: F32) -> None:
+def _keep_better(ids: I64, similarity: F32, scores: F32, first: int) -> None:
     """Put what beats the worst of each row's best into them, in place."""
     k = ids.shape[1]
-    bar = np.where(ids[:, -1] == NONE, least, similarity[:, -1])
+    bar = np.where(ids[:, -1] == NONE, -np.inf, similarity[:, -1])
     for row in np.flatnonzero(scores.max(axis=1) > bar):
         new = np.flatnonzero(scores[row] > bar[row])
         if len(new) > k:
@@ -89,12 +70,12 @@ def faiss_module() -> Any:
     return faiss
 
 
-def cells_for(parameters: NearestParameters, count: int) -> int:
+def cells_for(parameters: disk.NearestParameters, count: int) -> int:
     """How many cells an ivf index of so many spots has."""
     return parameters.cells or 2 ** int(np.ceil(np.log2(max(count, 1)) / 2))
 
 
-def trained(parameters: NearestParameters, shards: Sequence[Rows]) -> Any:
+def trained(parameters: disk.NearestParameters, shards: Sequence[disk.Rows]) -> Any:
     """An empty index of a kind other than flat that has learnt from some of the rows."""
     faiss = faiss_module()
     count, size = sum(map(len, shards)), shards[0].shape[1]
@@ -115,16 +96,16 @@ def trained(parameters: NearestParameters, shards: Sequence[Rows]) -> Any:
     return index
 
 
-def _examples(parameters: NearestParameters, shards: Sequence[Rows], cells: int) -> F32:
+def _examples(parameters: disk.NearestParameters, shards: Sequence[disk.Rows], cells: int) -> F32:
     count = sum(map(len, shards))
     wanted = min(max(parameters.examples * cells, FEWEST_CODES * 40), count)
     generator = np.random.default_rng(parameters.seed)
-    return take(shards, np.sort(generator.choice(count, wanted, replace=False)))
+    return disk.take(shards, np.sort(generator.choice(count, wanted, replace=False)))
 
 
-def add_rows(index: Any, shards: Sequence[Rows]) -> None:
+def add_rows(index: Any, shards: Sequence[disk.Rows]) -> None:
     """All rows added to an index; their ids go on from those that it has."""
-    for _, rows in blocks(shards):
+    for _, rows in disk.blocks(shards):
         index.add(rows)
 
 
@@ -174,10 +155,10 @@ class Index:
     """One revision of an index, open for searching; it does not see later changes."""
 
     folder: Path
-    meta: Meta
+    meta: disk.Meta
     main: Any
-    vectors: tuple[Rows, ...]
-    added: tuple[Rows, ...]
+    vectors: tuple[disk.Rows, ...]
+    added: tuple[disk.Rows, ...]
     gone: Bool | None
 
     def search(self, vectors: F32, k: int, *, effort: int | None = None) -> tuple[I64, F32]:
@@ -189,7 +170,7 @@ class Index:
         """
         if k < 1:
             raise ParameterError(f"k: wanted 1 or more spots, got {k}; ask for some")
-        rows = np.asarray(check_rows(np.asarray(vectors), self.meta.size, "query"), np.float32)
+        rows = np.asarray(disk.check_rows(np.asarray(vectors), self.meta.size, "query"), np.float32)
         ids, similarity = self._in_main(rows, k, effort or self.meta.parameters.effort)
         if not self.added:
             return ids, similarity
@@ -216,28 +197,25 @@ class Index:
         return np.where(ids < 0, NONE, found).astype(np.int64)
 
 
-def open_index(folder: Path, *, encoder: str | None = None) -> Index:
+def open_index(folder: Path) -> Index:
     """The newest revision of an index; its files are mapped and read as they are needed.
 
-    Raises StoreError where a file is missing or cut off, and InputError where `encoder` (an
-    identity) is not the one that made the index, or FAISS is missing.
+    Raises StoreError where a file is missing or cut off, InputError where FAISS is missing.
     """
-    meta = read_meta(folder)
-    check_files(folder, meta)
-    if encoder is not None:
-        check_encoder(meta, encoder)
+    meta = disk.read_meta(folder)
+    disk.check_files(folder, meta)
     return Index(
         folder,
         meta,
         read_index(folder / meta.main.name, meta.parameters.kind) if meta.main else None,
-        tuple(read_rows(folder / each.name) for each in meta.vectors),
-        tuple(read_rows(folder / each.name) for each in meta.added),
+        tuple(disk.read_rows(folder / each.name) for each in meta.vectors),
+        tuple(disk.read_rows(folder / each.name) for each in meta.added),
         meta.gone,
     )
 
 
-def _cosines(shards: tuple[Rows, ...], rows: F32, ids: I64) -> F32:
-    known = take(shards, np.maximum(ids, 0).ravel()).reshape(*ids.shape, -1)
+def _cosines(shards: tuple[disk.Rows, ...], rows: F32, ids: I64) -> F32:
+    known = disk.take(shards, np.maximum(ids, 0).ravel()).reshape(*ids.shape, -1)
     found = np.einsum("nd,nkd->nk", rows, known)
     return np.where(ids < 0, np.float32(-1.0), found)
 

@@ -203,9 +203,7 @@ def pairing_fragment(secret: str, folder: Path, *, name: str = "token") -> str:
 def _make(file: Path) -> None:
     """Write a new key for its owner's eyes; of two that do so at once, the first counts."""
     made = ec.generate_private_key(CURVE).private_bytes(
-        serialization.Encoding.PEM,
-        serialization.PrivateFormat.PKCS8,
-        serialization.NoEncryption(),
+        serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
     )
     partial = file.with_name(f"{secrets.token_hex(8)}.partial")
     descriptor = os.open(partial, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600)

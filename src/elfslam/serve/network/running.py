@@ -28,32 +28,8 @@ from elfslam.base.errors import InputError, StoreError
 from elfslam.base.text_files import read_bytes
 from elfslam.serve.app import create_app
 from elfslam.serve.buildings.files import open_files
-from elfslam.serve.network.addresses import (
-    ALONE,
-    LOOPBACK,
-    checked_hosts,
-    last_url,
-    listening_at,
-    reaches_nobody,
-    remember_url,
-    server_names,
-    told_url,
-    url_of,
-)
-from elfslam.serve.network.authority import (
-    AUTHORITY,
-    SIGNING_KEY,
-    Certificate,
-    check_authority,
-    fingerprint,
-    fingerprint_of,
-    pairing_fragment,
-    read_key,
-    server_certificate,
-    signing_key,
-    utc_now,
-    write_private,
-)
+from elfslam.serve.network import addresses
+from elfslam.serve.network import authority as keys
 from elfslam.serve.network.connections import CountingListener, PatientConfig, Visitors
 from elfslam.serve.people.access import new_token, token_sha256
 from elfslam.serve.people.users import add_user, set_owner_token
@@ -87,14 +63,14 @@ def check_credentials(
             "it from a backup, or pair the owner's devices again with a new one",
             options=("new_token",),
         )
-    here = read_key(folder) if os.path.lexists(folder / SIGNING_KEY) and not renews_key else None
+    file = folder / keys.SIGNING_KEY
+    here = keys.read_key(folder) if os.path.lexists(file) and not renews_key else None
     if not trusted or renews_key:
         return
-    if here is None or fingerprint(here) != trusted:
+    if here is None or keys.fingerprint(here) != trusted:
         raise StoreError(
-            f"{folder / SIGNING_KEY}: is {'another one' if here else 'missing'}, and paired phones "
-            "trust what it signed; restore it from a backup, or pair all phones again with "
-            "a new one",
+            f"{file}: is {'another one' if here else 'missing'}, and paired phones trust what it "
+            "signed; restore it from a backup, or pair all phones again with a new one",
             options=("new_key",),
         )
 
@@ -118,7 +94,7 @@ def owner_token(services: Services, *, renewed: bool = False) -> str:
     token = None if renewed else _read_token(file)
     if token is None:
         token = new_token()
-        write_private(file, f"{token}\n".encode())
+        keys.write_private(file, f"{token}\n".encode())
     with reading(services.sessions) as session:
         known = session.scalar(select(User.token_sha256).filter_by(is_owner=True))
     if known != token_sha256(token):
@@ -130,8 +106,8 @@ def trust_key(services: Services, *, renewed: bool = False) -> None:
     """Remember which signing key phones trust from now on: that of the folder, or a new one."""
     folder = services.settings.authority_folder
     if renewed:
-        (folder / SIGNING_KEY).unlink(missing_ok=True)
-    told = fingerprint(signing_key(folder))
+        (folder / keys.SIGNING_KEY).unlink(missing_ok=True)
+    told = keys.fingerprint(keys.signing_key(folder))
     with reading(services.sessions) as session:
         if session.scalar(select(Store.signing_key)) == told:
             return
@@ -164,7 +140,7 @@ def serve(
     app: ASGIApp,
     sockets: Sequence[socket.socket],
     limits: Limits,
-    certificate: Certificate | None,
+    certificate: keys.Certificate | None,
     stopping: Callable[[], None],
 ) -> None:
     """Serve until stopped; plain HTTP without a certificate. `stopping` ends what has no end.
@@ -249,18 +225,18 @@ def run(settings: ServerSettings, listening: Listening, say: Callable[[str], Non
     """
     hosts, secure = _hosts(settings, listening), not listening.plain_http
     if listening.address:
-        told_url(listening.address, listening.port or PORT, secure=secure)
+        addresses.told_url(listening.address, listening.port or PORT, secure=secure)
     if settings.files_url:
         open_files(settings)
     allow_open_files(settings.limits.connections + OTHER_FILES)
-    with alone_with(settings, TRIES), listening_at(hosts, listening.port) as sockets:
+    with alone_with(settings, TRIES), addresses.listening_at(hosts, listening.port) as sockets:
         examine = partial(_examine, folder=settings.authority_folder, listening=listening)
         services = open_services(settings, alone=True, examine=examine)
         with holding(services.sessions, settings):
             port = sockets[0].getsockname()[1]
-            urls = [url_of(host, port, secure=secure) for host in hosts]
+            urls = [addresses.url_of(host, port, secure=secure) for host in hosts]
             if listening.address:
-                urls.insert(0, told_url(listening.address, port, secure=secure))
+                urls.insert(0, addresses.told_url(listening.address, port, secure=secure))
             app, certificate = create_app(services), _certificate(settings, hosts, listening)
             for line in _begin(services, listening, urls, certificate):
                 say(line)
@@ -272,21 +248,21 @@ def _examine(engine: Engine, folder: Path, listening: Listening) -> None:
     renewed = {"renews_token": listening.new_token, "renews_key": listening.new_key}
     check_credentials(engine, folder, **renewed)
     if not listening.plain_http:
-        check_authority(folder)
+        keys.check_authority(folder)
 
 
 def _begin(
     services: Services,
     listening: Listening,
     urls: Sequence[str],
-    certificate: Certificate | None,
+    certificate: keys.Certificate | None,
 ) -> Iterator[str]:
     """Write what pairs phones, and say what people have to know."""
     settings = services.settings
     token = owner_token(services, renewed=listening.new_token)
     trust_key(services, renewed=listening.new_key)
-    remember_url(settings, urls[0])
-    pairing = urls[0] + pairing_fragment(token, settings.authority_folder)
+    addresses.remember_url(settings, urls[0])
+    pairing = urls[0] + keys.pairing_fragment(token, settings.authority_folder)
     yield from greeting(urls, pairing, certificate)
     if settings.run_jobs and (why := why_away(settings.on)):
         yield f"Jobs wait until a Ray cluster answers at {settings.on} ({why})."
@@ -300,17 +276,19 @@ def invite(settings: ServerSettings, name: str) -> tuple[str, str]:
             user, token = add_user(services, plain_line(name))
     except (ValueError, Problem) as error:
         raise InputError(f"{name!r:.60}: {getattr(error, 'detail', error)}") from error
-    return user.name, last_url(settings) + pairing_fragment(token, settings.authority_folder)
+    return user.name, addresses.last_url(settings) + keys.pairing_fragment(
+        token, settings.authority_folder
+    )
 
 
-def greeting(urls: Sequence[str], pairing: str, certificate: Certificate | None) -> list[str]:
+def greeting(urls: Sequence[str], pairing: str, certificate: keys.Certificate | None) -> list[str]:
     """What is said when the server starts: the address that pairs, its QR code, the authority.
 
     The first of the `urls` is the one of `pairing`.
     """
     lines = [pairing, *code_lines(pairing)]
-    url, *others = [each for each in urls if not reaches_nobody(each)] or urls[:1]
-    if not reaches_nobody(url):
+    url, *others = [each for each in urls if not addresses.reaches_nobody(each)] or urls[:1]
+    if not addresses.reaches_nobody(url):
         lines.append(f"Scan this with the phone, or open {url} there.")
     if others:
         lines.append(f"Where the phone is in another network: {', '.join(others)} (--address)")
@@ -319,13 +297,15 @@ def greeting(urls: Sequence[str], pairing: str, certificate: Certificate | None)
             f"Browsers warn once, as they do not know this server; {url}{TRUST} says how to make "
             "them trust it. Its authority's fingerprint (SHA-256):"
         )
-        lines.append(fingerprint_of(certificate.certificate.with_name(AUTHORITY)))
+        lines.append(keys.fingerprint_of(certificate.certificate.with_name(keys.AUTHORITY)))
     return lines
 
 
 def code_lines(url: str) -> list[str]:
     """A QR code for the terminal; of an address that leads a phone to itself, why there is none."""
-    return [f"No code to scan: {ALONE}"] if reaches_nobody(url) else qr_lines(url)
+    return (
+        [f"No code to scan: {addresses.ALONE}"] if addresses.reaches_nobody(url) else qr_lines(url)
+    )
 
 
 def qr_lines(text: str) -> list[str]:
@@ -337,8 +317,8 @@ def qr_lines(text: str) -> list[str]:
 
 def _hosts(settings: ServerSettings, listening: Listening) -> list[str]:
     if not listening.plain_http:
-        return checked_hosts(listening.host, allow_public=settings.allow_public)
-    hosts = checked_hosts(listening.host or LOOPBACK, allow_public=False)
+        return addresses.checked_hosts(listening.host, allow_public=settings.allow_public)
+    hosts = addresses.checked_hosts(listening.host or addresses.LOOPBACK, allow_public=False)
     if not all(host.startswith("127.") or host == "::1" for host in hosts):
         raise InputError(
             f"{listening.host}: plain HTTP is spoken on this machine alone; choose HTTPS",
@@ -349,8 +329,8 @@ def _hosts(settings: ServerSettings, listening: Listening) -> list[str]:
 
 def _certificate(
     settings: ServerSettings, hosts: Sequence[str], listening: Listening
-) -> Certificate | None:
+) -> keys.Certificate | None:
     if listening.plain_http:
         return None
-    names = server_names([*hosts, *settings.names])
-    return server_certificate(settings.authority_folder, names, utc_now())
+    names = addresses.server_names([*hosts, *settings.names])
+    return keys.server_certificate(settings.authority_folder, names, keys.utc_now())

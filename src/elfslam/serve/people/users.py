@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from datetime import datetime
 
 from fastapi import APIRouter, Request, Response
@@ -22,7 +23,7 @@ from elfslam.serve.people.access import (
 )
 from elfslam.serve.problems import EVERYWHERE, Problem, problems
 from elfslam.serve.services import Services, ServicesDep
-from elfslam.serve.settings import COOKIE, ServerSettings, told_limits
+from elfslam.serve.settings import COOKIE, ServerSettings
 from elfslam.serve.store.database import reading, transaction
 from elfslam.serve.store.quota import delete_user, used_bytes
 from elfslam.serve.store.tables import User
@@ -122,13 +123,12 @@ def rename_me(given: UserName, mine: Me, services: ServicesDep) -> MeBody:
 
 
 def _me(services: Services, session: Session, user: User) -> MeBody:
-    limits = told_limits(services.settings.limits)
     return MeBody(
         id=user.id,
         name=user.name,
         is_owner=user.is_owner,
         used_bytes=used_bytes(services, session, user.id),
-        limits=limits,
+        limits=asdict(services.settings.limits),
     )
 
 

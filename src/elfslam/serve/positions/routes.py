@@ -7,7 +7,7 @@ In a published floor everybody is located, and the server's owner sees it.
 from __future__ import annotations
 
 import secrets
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import datetime
 from typing import Annotated
 
@@ -22,7 +22,7 @@ from elfslam.serve.people.access import Me, known_id, not_found, refuse_haste
 from elfslam.serve.positions.history import delete_history, history_of
 from elfslam.serve.positions.hub import MEDIA_TYPE, stream_of
 from elfslam.serve.positions.values import LivePosition, MapId, MapOrigin, NewPositions, told_of
-from elfslam.serve.positions.webhooks import Deliveries, address_of, target_of
+from elfslam.serve.positions.webhooks import address_of, target_of
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.sharing.rights import Principal, Right, map_for
@@ -214,18 +214,11 @@ def put_position_settings(
     map_id: str, given: PositionSettings, user: Me, services: ServicesDep
 ) -> PositionSettings:
     """Switch live positions of your map on or off, and say where on the Earth it lies."""
-    origin = given.origin.model_dump() if given.origin else {}
+    nowhere = dict.fromkeys(MapOrigin.model_fields)
+    origin = given.origin.model_dump() if given.origin else nowhere
     with transaction(services.sessions) as session:
         found = owned_map(session, user, map_id)
-        session.merge(
-            MapPositions(
-                map_id=found.id,
-                is_on=given.is_on,
-                latitude_deg=origin.get("latitude_deg"),
-                longitude_deg=origin.get("longitude_deg"),
-                bearing_deg=origin.get("bearing_deg"),
-            )
-        )
+        session.merge(MapPositions(map_id=found.id, is_on=given.is_on, **origin))
         session.flush()
         settled = settled_map(session, found)
     if not settled.is_on:
@@ -251,7 +244,10 @@ def add_webhook(map_id: str, given: NewWebhook, user: Me, services: ServicesDep)
         owned_map(session, user, map_id)
     target = target_of(given.url)
     address_of(target, allow_local=services.settings.local_webhooks)
-    secret, most = given.secret or secrets.token_urlsafe(SECRET_BYTES), _most(services)
+    secret, most = (
+        given.secret or secrets.token_urlsafe(SECRET_BYTES),
+        services.settings.limits.webhooks,
+    )
     with transaction(services.sessions) as session:
         owned = owned_map(session, user, map_id)
         mine = select(func.count()).select_from(Webhook).filter_by(map_id=owned.id)
@@ -275,19 +271,6 @@ def delete_webhook(map_id: str, webhook_id: str, user: Me, services: ServicesDep
     return Response(status_code=204)
 
 
-def _most(services: Services) -> int:
-    return services.settings.limits.webhooks
-
-
 def _webhook_body(services: Services, row: Webhook) -> WebhookBody:
-    told: Deliveries = services.positions.outboxes.deliveries_of(row.id)
-    return WebhookBody(
-        id=row.id,
-        url=row.url,
-        created_utc=row.created_utc,
-        delivered=told.delivered,
-        dropped=told.dropped,
-        last_delivered_utc=told.last_delivered_utc,
-        last_error=told.last_error,
-        last_error_utc=told.last_error_utc,
-    )
+    told = services.positions.outboxes.deliveries_of(row.id)
+    return WebhookBody(id=row.id, url=row.url, created_utc=row.created_utc, **asdict(told))

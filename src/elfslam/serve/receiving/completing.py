@@ -11,7 +11,7 @@ import secrets
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,7 @@ from elfslam.serve.store.tables import (
     Job,
     JobKind,
     Recording,
+    RecordingFacts,
     RecordingFile,
     RecordingState,
     Upload,
@@ -107,8 +108,7 @@ def _come(settings: ServerSettings, promised: ManifestEntry, uploads: list[Uploa
     if not whole:
         most = max(sizes.values(), default=0)
         raise Problem(
-            409,
-            f"{promised.name}: {most} of {promised.size_bytes} bytes have come; send the rest",
+            409, f"{promised.name}: {most} of {promised.size_bytes} bytes have come; send the rest"
         )
     for name in whole:
         path = settings.uploads_folder / name
@@ -171,12 +171,13 @@ def _describe(
     session: Session, recording: Recording, come: list[ReceivedFile], found: ReadFolder
 ) -> None:
     for file in come:
-        size_bytes, sha256 = file.blob.size_bytes, file.blob.sha256
-        row = {"name": file.name, "sha256": sha256, "size_bytes": size_bytes}
-        session.add(RecordingFile(recording_id=recording.id, **row))
-    told = {key: fact for key, fact in found.facts.items() if key not in ("name", "device")}
+        row = RecordingFile(recording_id=recording.id, name=file.name, **asdict(file.blob))
+        session.add(row)
     size_bytes = sum(file.blob.size_bytes for file in come)
-    recording.facts = {**told, **recording.facts, "bytes": size_bytes}
+    facts: RecordingFacts = {**found.facts, **recording.facts, "bytes": size_bytes}
+    facts.pop("name", None)
+    facts.pop("device", None)
+    recording.facts = facts
     recording.state = RecordingState.REFUSED if found.refusal else RecordingState.READY
     recording.refusal = found.refusal
     session.execute(delete(Upload).filter_by(recording_id=recording.id, finished=False))

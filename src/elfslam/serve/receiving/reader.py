@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from elfslam.stages.motion import MotionParameters, find_footsteps
 
 if TYPE_CHECKING:
     from elfslam.serve.parsing.children import Children
+    from elfslam.serve.store.tables import RecordingFacts
 
 READER, WALKS = "elfslam.serve.receiving.reader", "elfslam.serve.receiving.walks"
 
@@ -30,7 +31,7 @@ READER, WALKS = "elfslam.serve.receiving.reader", "elfslam.serve.receiving.walks
 class ReadFolder:
     """What a folder holds, or why it is no recording."""
 
-    facts: dict[str, Any] = field(default_factory=dict)
+    facts: RecordingFacts = field(default_factory=dict)  # type: ignore[assignment]
     refusal: str | None = None
 
 
@@ -81,10 +82,10 @@ def walks_apart(
 
 MOST_SPANS = 200
 """So many are told: the list of recordings stays short."""
-TAPPED_ON, MAP_ID = "tapped_on", re.compile(r"[0-9a-f]{32}")
+MAP_ID = re.compile(r"[0-9a-f]{32}")
 
 
-def parse(folder: str) -> dict[str, Any]:
+def parse(folder: str) -> RecordingFacts:
     """What a folder holds. Raises InputError where that is no recording."""
     place = Path(folder)
     recording = read_recording(place)
@@ -101,9 +102,9 @@ def find(folder: Path) -> ReadFolder:
         return ReadFolder(refusal=without_places(str(error), folder))
 
 
-def facts_of(recording: Recording) -> dict[str, Any]:
+def facts_of(recording: Recording) -> RecordingFacts:
     """What is told of a recording: name, device, duration, sensors, their spans, footsteps."""
-    facts: dict[str, Any] = {"name": recording.name, "device": recording.device}
+    facts: RecordingFacts = {"name": recording.name, "device": recording.device}
     ends_s = [0.0]
     if recording.audio is not None:
         channels, samples = recording.audio.samples.shape
@@ -128,10 +129,10 @@ def facts_of(recording: Recording) -> dict[str, Any]:
     return facts
 
 
-def _tapped_on(folder: Path) -> dict[str, str]:
+def _tapped_on(folder: Path) -> RecordingFacts:
     """The map on whose plan its walker tapped, where recording.json names one."""
-    told = read_json(folder / MANIFEST).get(TAPPED_ON)
-    return {TAPPED_ON: told} if isinstance(told, str) and MAP_ID.fullmatch(told) else {}
+    told = read_json(folder / MANIFEST).get("tapped_on")
+    return {"tapped_on": told} if isinstance(told, str) and MAP_ID.fullmatch(told) else {}
 
 
 def _listed(spans: F64) -> list[list[float]]:

@@ -31,7 +31,14 @@ from elfslam.serve.store.blobs import found_blob
 from elfslam.serve.store.database import reading, transaction
 from elfslam.serve.store.quota import delete_recordings, refuse_more_recordings, upload_bytes
 from elfslam.serve.store.sending import sent_blob, unfolded
-from elfslam.serve.store.tables import Recording, RecordingFile, RecordingState, Upload, User
+from elfslam.serve.store.tables import (
+    Recording,
+    RecordingFacts,
+    RecordingFile,
+    RecordingState,
+    Upload,
+    User,
+)
 from elfslam.serve.store.zips import FILE_NAMES, packed
 from elfslam.serve.texts import Deleted, Line, Many
 
@@ -103,7 +110,9 @@ def begin_recording(given: NewRecording, user: Me, services: ServicesDep) -> Rec
     """Begin a recording, to which files are then uploaded."""
     with transaction(services.sessions) as session:
         refuse_more_recordings(services, session, user.id)
-        facts = {} if given.start_pose is None else {"start_pose": list(given.start_pose)}
+        facts: RecordingFacts = (
+            {} if given.start_pose is None else {"start_pose": list(given.start_pose)}
+        )
         recording = Recording(user_id=user.id, name=given.name, device=given.device, facts=facts)
         session.add(recording)
         session.flush()
@@ -136,9 +145,7 @@ def remove_recording(recording_id: str, user: Me, services: ServicesDep) -> Resp
 
 
 @router.post(
-    "/{recording_id}/complete",
-    operation_id="complete_recording",
-    responses=problems(409, 423),
+    "/{recording_id}/complete", operation_id="complete_recording", responses=problems(409, 423)
 )
 async def complete_recording(
     recording_id: str, given: Completion, user: Me, services: ServicesDep
@@ -219,8 +226,7 @@ def _bodies(
     open_ones = select(Upload).filter_by(finished=False).where(Upload.recording_id.in_(ids))
     files, uploads = defaultdict(list), defaultdict(list)
     for file in _files(session, recordings):
-        told = FileBody(name=file.name, size_bytes=file.size_bytes, sha256=file.sha256)
-        files[file.recording_id].append(told)
+        files[file.recording_id].append(FileBody.model_validate(file, from_attributes=True))
     for upload in session.scalars(open_ones.order_by(Upload.created_utc, Upload.id)):
         uploads[upload.recording_id].append(_on_its_way(services, upload))
     return [
@@ -230,7 +236,7 @@ def _bodies(
             device=recording.device,
             state=RecordingState(recording.state),
             refusal=recording.refusal,
-            facts=recording.facts,
+            facts=dict(recording.facts),
             files=files[recording.id],
             uploads=uploads[recording.id],
             created_utc=recording.created_utc,
@@ -298,7 +304,7 @@ async def look_at_recording(
     if_none_match: Annotated[str, Header()] = "",
 ) -> Any:
     """The sensors of a recording and their curves, some thousand numbers however long it is."""
-    named = await to_thread.run_sync(_files, services, user, recording_id)
+    named = await to_thread.run_sync(_kept_files, services, user, recording_id)
     known = {"ETag": _tag(named), **NEVER_OLD}
     if known["ETag"] in if_none_match:
         return Response(status_code=304, headers=known)

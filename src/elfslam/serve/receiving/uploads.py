@@ -14,19 +14,9 @@ from elfslam.serve.people.access import Me
 from elfslam.serve.people.guards import TUS_VERSION, UPLOADS
 from elfslam.serve.problems import WRONG_CHECKSUM, problems
 from elfslam.serve.receiving import tus
+from elfslam.serve.receiving import upload_store as store
 from elfslam.serve.receiving.completing import finish_whole
 from elfslam.serve.receiving.tus import append
-from elfslam.serve.receiving.upload_store import (
-    Appended,
-    begin,
-    file_of,
-    forget_upload,
-    headers_of,
-    mine,
-    ready_to_append,
-    room_for,
-    wanted_of,
-)
 from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.store.quota import upload_bytes
 from elfslam.serve.store.tables import Upload
@@ -106,15 +96,17 @@ async def begin_upload(
     .zip, .tar.xz, .txt or .mat: a whole recording, or the log of another program. It is told by its
     content which, and each walk in it becomes a recording.
     """
-    wanted = wanted_of(tus.parse_metadata(upload_metadata), upload_length, upload_defer_length)
+    wanted = store.wanted_of(
+        tus.parse_metadata(upload_metadata), upload_length, upload_defer_length
+    )
     checksum = tus.parse_checksum(upload_checksum)
-    upload = await run_in_threadpool(begin, services, user, wanted)
+    upload = await run_in_threadpool(store.begin, services, user, wanted)
     try:
         if content_type:
             await _append_at_once(services, upload, request, content_type, checksum)
         headers = await _headers_when_written(services, upload)
     except BaseException:
-        forget_upload(services, upload.id)  # nobody heard of it
+        store.forget_upload(services, upload.id)  # nobody heard of it
         raise
     return Response(status_code=201, headers={"Location": f"{UPLOADS}/{upload.id}", **headers})
 
@@ -128,7 +120,7 @@ async def begin_upload(
 )
 async def look_at_upload(upload_id: str, user: Me, services: ServicesDep) -> Response:
     """How much of an upload is on the disk: go on from there."""
-    upload = await run_in_threadpool(mine, services, user, upload_id)
+    upload = await run_in_threadpool(store.mine, services, user, upload_id)
     headers = await _headers_when_written(services, upload)
     length = upload.length_bytes
     headers |= {"Upload-Defer-Length": "1"} if length is None else {"Upload-Length": str(length)}
@@ -165,13 +157,13 @@ async def append_to_upload(
     checksum = tus.parse_checksum(upload_checksum)
     with services.busy.alone([upload_id]):
         upload, room = await run_in_threadpool(
-            ready_to_append,
+            store.ready_to_append,
             services,
             user,
             upload_id,
-            Appended(upload_offset, upload_length, _claimed(request)),
+            store.Appended(upload_offset, upload_length, _claimed(request)),
         )
-        await append(file_of(services.settings, upload_id), request.receive, room, checksum)
+        await append(store.file_of(services.settings, upload_id), request.receive, room, checksum)
     return Response(status_code=204, headers=await _headers_when_written(services, upload))
 
 
@@ -184,9 +176,9 @@ async def append_to_upload(
 )
 def end_upload(upload_id: str, user: Me, services: ServicesDep) -> Response:
     """Give an upload up; what had come is deleted."""
-    mine(services, user, upload_id)
+    store.mine(services, user, upload_id)
     with services.busy.alone([upload_id]):
-        forget_upload(services, upload_id)
+        store.forget_upload(services, upload_id)
     return Response(status_code=204)
 
 
@@ -200,8 +192,8 @@ async def _append_at_once(
     """The body of a creation."""
     tus.check_content_type(content_type)
     with services.busy.alone([upload.id]):
-        room = await run_in_threadpool(room_for, services, upload, _claimed(request))
-        await append(file_of(services.settings, upload.id), request.receive, room, checksum)
+        room = await run_in_threadpool(store.room_for, services, upload, _claimed(request))
+        await append(store.file_of(services.settings, upload.id), request.receive, room, checksum)
 
 
 def _claimed(request: Request) -> int:
@@ -214,4 +206,4 @@ async def _headers_when_written(services: Services, upload: Upload) -> dict[str,
     if whole and upload_bytes(services.settings, upload.id) == upload.length_bytes:
         with services.busy.alone([upload.id]):
             upload = await finish_whole(services, upload)
-    return await run_in_threadpool(headers_of, services, upload)
+    return await run_in_threadpool(store.headers_of, services, upload)

@@ -81,8 +81,8 @@ def _imported(
         if count >= most:
             raise InputError(f"{file}: holds more than {most} walks; give it in parts")
         if isinstance(item, Refused):
-            name = {"name": PurePath(item.name).stem}
-            yield Walk(ReadFolder(name, without_places(item.reason, file, folder)))
+            refusal = without_places(item.reason, file, folder)
+            yield Walk(ReadFolder({"name": PurePath(item.name).stem}, refusal))
             continue
         place = folder / str(count)
         _write(item, place)

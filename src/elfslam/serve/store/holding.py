@@ -279,11 +279,7 @@ def holding(
 
 
 def _beat_on(
-    sessions: Sessions,
-    mine: Holder,
-    stop: threading.Event,
-    lost: Callable[[], None],
-    beat_s: float,
+    sessions: Sessions, mine: Holder, stop: threading.Event, lost: Callable[[], None], beat_s: float
 ) -> None:
     while not stop.wait(beat_s):
         try:

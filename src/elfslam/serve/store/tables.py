@@ -10,21 +10,9 @@ from __future__ import annotations
 import uuid
 from datetime import UTC, datetime
 from enum import StrEnum
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict
 
-from sqlalchemy import (
-    JSON,
-    REAL,
-    BigInteger,
-    DateTime,
-    Dialect,
-    ForeignKey,
-    Index,
-    Integer,
-    String,
-    Text,
-    UniqueConstraint,
-)
+import sqlalchemy as sa
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 from sqlalchemy.types import TypeDecorator
 
@@ -55,13 +43,56 @@ class JobState(StrEnum):
     CANCELLED = "cancelled"
 
 
+class RecordingFacts(TypedDict, total=False):
+    """What is told of a recording: what its reader found in it, and where it came from."""
+
+    name: str
+    device: str
+    audio: dict[str, int]
+    sensors: list[str]
+    duration_s: float
+    start_pose: list[float]
+    spans_s: dict[str, list[list[float]]]
+    notes: list[str]
+    footsteps: int
+    tapped_on: str
+    """The map on whose plan its walker tapped."""
+    imported: str
+    chirps: bool
+    damaged_lines: int
+    bytes: int
+
+
+class MapFacts(TypedDict, total=False):
+    """What is told of a map, of one walk or merged: what its job found."""
+
+    walks: int
+    footsteps: int
+    spots: int
+    duration_s: float
+    distance_m: float
+    closures: int
+    closures_kept: int
+    status: str
+    by: str
+    pairs: list[dict[str, object]]
+    refused: dict[str, str]
+    bounds_m: list[float]
+    kept_s: list[float]
+    heading: str
+    missing: Any
+    """Stretches in which the recording lacked sound or motion."""
+    frame: str
+    """The map whose frame a merged one has."""
+
+
 class Utc(TypeDecorator[datetime]):
     """A time in UTC, also where the database keeps no zone."""
 
-    impl = DateTime(timezone=True)
+    impl = sa.DateTime(timezone=True)
     cache_ok = True
 
-    def process_result_value(self, value: datetime | None, dialect: Dialect) -> datetime | None:
+    def process_result_value(self, value: datetime | None, dialect: sa.Dialect) -> datetime | None:
         """The time as it was stored."""
         if value is None or value.tzinfo is None:
             return value and value.replace(tzinfo=UTC)
@@ -71,7 +102,7 @@ class Utc(TypeDecorator[datetime]):
 class Base(DeclarativeBase):
     """Every table; times are UTC, ids are random and tell nothing."""
 
-    type_annotation_map = {dict[str, Any]: JSON, list[str]: JSON, datetime: Utc}  # noqa: RUF012
+    type_annotation_map = {dict[str, Any]: sa.JSON, list[str]: sa.JSON, datetime: Utc}  # noqa: RUF012
 
 
 def new_id() -> str:
@@ -100,12 +131,12 @@ class Recording(Base):
 
     __tablename__ = "recordings"
     id: Mapped[str] = mapped_column(primary_key=True, default=new_id)
-    user_id: Mapped[str] = mapped_column(ForeignKey("users.id", ondelete="CASCADE"), index=True)
+    user_id: Mapped[str] = mapped_column(sa.ForeignKey("users.id", ondelete="CASCADE"), index=True)
     name: Mapped[str]
     device: Mapped[str] = mapped_column(default="unknown")
     state: Mapped[str] = mapped_column(default=RecordingState.RECEIVING)
     refusal: Mapped[str | None] = mapped_column(default=None)
-    facts: Mapped[dict[str, Any]] = mapped_column(default=dict)
+    facts: Mapped[RecordingFacts] = mapped_column(sa.JSON, default=dict)
     created_utc: Mapped[datetime] = mapped_column(default=now_utc)
 
 
@@ -114,11 +145,11 @@ class RecordingFile(Base):
 
     __tablename__ = "recording_files"
     recording_id: Mapped[str] = mapped_column(
-        ForeignKey("recordings.id", ondelete="CASCADE"), primary_key=True
+        sa.ForeignKey("recordings.id", ondelete="CASCADE"), primary_key=True
     )
     name: Mapped[str] = mapped_column(primary_key=True)
     sha256: Mapped[str] = mapped_column(index=True)
-    size_bytes: Mapped[int] = mapped_column(BigInteger)
+    size_bytes: Mapped[int] = mapped_column(sa.BigInteger)
 
 
 class Upload(Base):
@@ -130,12 +161,12 @@ class Upload(Base):
 
     __tablename__ = "uploads"
     id: Mapped[str] = mapped_column(primary_key=True, default=new_id)
-    user_id: Mapped[str] = mapped_column(ForeignKey("users.id", ondelete="CASCADE"), index=True)
+    user_id: Mapped[str] = mapped_column(sa.ForeignKey("users.id", ondelete="CASCADE"), index=True)
     recording_id: Mapped[str | None] = mapped_column(
-        ForeignKey("recordings.id", ondelete="CASCADE"), index=True
+        sa.ForeignKey("recordings.id", ondelete="CASCADE"), index=True
     )
     file_name: Mapped[str]
-    length_bytes: Mapped[int | None] = mapped_column(BigInteger, default=None)
+    length_bytes: Mapped[int | None] = mapped_column(sa.BigInteger, default=None)
     wants_map: Mapped[bool] = mapped_column(default=True)
     finished: Mapped[bool] = mapped_column(default=False)
     created_utc: Mapped[datetime] = mapped_column(default=now_utc)
@@ -149,7 +180,7 @@ class Job(Base):
 
     __tablename__ = "jobs"
     id: Mapped[str] = mapped_column(primary_key=True, default=new_id)
-    user_id: Mapped[str] = mapped_column(ForeignKey("users.id", ondelete="CASCADE"), index=True)
+    user_id: Mapped[str] = mapped_column(sa.ForeignKey("users.id", ondelete="CASCADE"), index=True)
     kind: Mapped[str]
     state: Mapped[str] = mapped_column(default=JobState.QUEUED, index=True)
     given: Mapped[dict[str, Any]] = mapped_column(default=dict)
@@ -168,10 +199,12 @@ class JobFile(Base):
     """A file that a job made and that is part of no map."""
 
     __tablename__ = "job_files"
-    job_id: Mapped[str] = mapped_column(ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True)
+    job_id: Mapped[str] = mapped_column(
+        sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True
+    )
     name: Mapped[str] = mapped_column(primary_key=True)
     sha256: Mapped[str] = mapped_column(index=True)
-    size_bytes: Mapped[int] = mapped_column(BigInteger)
+    size_bytes: Mapped[int] = mapped_column(sa.BigInteger)
 
 
 class Map(Base):
@@ -183,11 +216,11 @@ class Map(Base):
 
     __tablename__ = "maps"
     id: Mapped[str] = mapped_column(primary_key=True, default=new_id)
-    user_id: Mapped[str] = mapped_column(ForeignKey("users.id", ondelete="CASCADE"), index=True)
+    user_id: Mapped[str] = mapped_column(sa.ForeignKey("users.id", ondelete="CASCADE"), index=True)
     name: Mapped[str]
     kind: Mapped[str]
     sources: Mapped[list[str]] = mapped_column(default=list)
-    facts: Mapped[dict[str, Any]] = mapped_column(default=dict)
+    facts: Mapped[MapFacts] = mapped_column(sa.JSON, default=dict)
     floor_plan: Mapped[dict[str, Any] | None] = mapped_column(default=None)
     venue: Mapped[str | None] = mapped_column(default=None)
     floor: Mapped[str | None] = mapped_column(default=None)
@@ -198,10 +231,12 @@ class MapFile(Base):
     """One file of a map's folder."""
 
     __tablename__ = "map_files"
-    map_id: Mapped[str] = mapped_column(ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True)
+    map_id: Mapped[str] = mapped_column(
+        sa.ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True
+    )
     name: Mapped[str] = mapped_column(primary_key=True)
     sha256: Mapped[str] = mapped_column(index=True)
-    size_bytes: Mapped[int] = mapped_column(BigInteger)
+    size_bytes: Mapped[int] = mapped_column(sa.BigInteger)
 
 
 class Store(Base):
@@ -215,7 +250,7 @@ class Store(Base):
     id: Mapped[str] = mapped_column(primary_key=True)
     signing_key: Mapped[str | None] = mapped_column(default=None)
     created_utc: Mapped[datetime] = mapped_column(default=now_utc)
-    holder: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True), default=None)
+    holder: Mapped[dict[str, Any] | None] = mapped_column(sa.JSON(none_as_null=True), default=None)
     beat: Mapped[str | None] = mapped_column(default=None)
 
 
@@ -226,9 +261,11 @@ class MapPackage(Base):
     """
 
     __tablename__ = "map_packages"
-    map_id: Mapped[str] = mapped_column(ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True)
+    map_id: Mapped[str] = mapped_column(
+        sa.ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True
+    )
     sources_sha256: Mapped[str]
-    revision: Mapped[int] = mapped_column(BigInteger)
+    revision: Mapped[int] = mapped_column(sa.BigInteger)
     manifest: Mapped[str]
 
 
@@ -236,9 +273,11 @@ class MapPart(Base):
     """A tile of a map's package."""
 
     __tablename__ = "map_parts"
-    map_id: Mapped[str] = mapped_column(ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True)
+    map_id: Mapped[str] = mapped_column(
+        sa.ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True
+    )
     sha256: Mapped[str] = mapped_column(primary_key=True, index=True)
-    size_bytes: Mapped[int] = mapped_column(BigInteger)
+    size_bytes: Mapped[int] = mapped_column(sa.BigInteger)
 
 
 Shared = Literal["read", "edit"]
@@ -249,11 +288,13 @@ class MapShare(Base):
     """What somebody else may do to a map: `read` or `edit`."""
 
     __tablename__ = "map_shares"
-    map_id: Mapped[str] = mapped_column(ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True)
-    user_id: Mapped[str] = mapped_column(
-        ForeignKey("users.id", ondelete="CASCADE"), primary_key=True, index=True
+    map_id: Mapped[str] = mapped_column(
+        sa.ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True
     )
-    may: Mapped[Shared] = mapped_column(String)
+    user_id: Mapped[str] = mapped_column(
+        sa.ForeignKey("users.id", ondelete="CASCADE"), primary_key=True, index=True
+    )
+    may: Mapped[Shared] = mapped_column(sa.String)
     created_utc: Mapped[datetime] = mapped_column(default=now_utc)
 
 
@@ -262,7 +303,7 @@ class UserGroup(Base):
 
     __tablename__ = "user_groups"
     id: Mapped[str] = mapped_column(primary_key=True, default=new_id)
-    user_id: Mapped[str] = mapped_column(ForeignKey("users.id", ondelete="CASCADE"), index=True)
+    user_id: Mapped[str] = mapped_column(sa.ForeignKey("users.id", ondelete="CASCADE"), index=True)
     name: Mapped[str]
     created_utc: Mapped[datetime] = mapped_column(default=now_utc)
 
@@ -272,10 +313,10 @@ class GroupMember(Base):
 
     __tablename__ = "group_members"
     group_id: Mapped[str] = mapped_column(
-        ForeignKey("user_groups.id", ondelete="CASCADE"), primary_key=True
+        sa.ForeignKey("user_groups.id", ondelete="CASCADE"), primary_key=True
     )
     user_id: Mapped[str] = mapped_column(
-        ForeignKey("users.id", ondelete="CASCADE"), primary_key=True, index=True
+        sa.ForeignKey("users.id", ondelete="CASCADE"), primary_key=True, index=True
     )
 
 
@@ -283,11 +324,13 @@ class MapGroupShare(Base):
     """What all in a group may do to a map, whoever is in it at that time."""
 
     __tablename__ = "map_group_shares"
-    map_id: Mapped[str] = mapped_column(ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True)
-    group_id: Mapped[str] = mapped_column(
-        ForeignKey("user_groups.id", ondelete="CASCADE"), primary_key=True, index=True
+    map_id: Mapped[str] = mapped_column(
+        sa.ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True
     )
-    may: Mapped[Shared] = mapped_column(String)
+    group_id: Mapped[str] = mapped_column(
+        sa.ForeignKey("user_groups.id", ondelete="CASCADE"), primary_key=True, index=True
+    )
+    may: Mapped[Shared] = mapped_column(sa.String)
     created_utc: Mapped[datetime] = mapped_column(default=now_utc)
 
 
@@ -295,13 +338,15 @@ class MapLink(Base):
     """What everyone may do to a map who has its link, the secret of which can be shown again."""
 
     __tablename__ = "map_links"
-    map_id: Mapped[str] = mapped_column(ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True)
+    map_id: Mapped[str] = mapped_column(
+        sa.ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True
+    )
     secret: Mapped[str]
-    may: Mapped[Shared] = mapped_column(String)
+    may: Mapped[Shared] = mapped_column(sa.String)
     created_utc: Mapped[datetime] = mapped_column(default=now_utc)
 
 
-NUMBER = BigInteger().with_variant(Integer, "sqlite")
+NUMBER = sa.BigInteger().with_variant(sa.Integer, "sqlite")
 """SQLite counts up whole numbers of this type alone."""
 
 
@@ -309,9 +354,9 @@ class KeptPosition(Base):
     """Where somebody was. `map_id` is that of a map, or of a published floor."""
 
     __tablename__ = "positions"
-    __table_args__ = (Index("positions_of_user", "user_id", "time_utc"),)
+    __table_args__ = (sa.Index("positions_of_user", "user_id", "time_utc"),)
     number: Mapped[int] = mapped_column(NUMBER, primary_key=True, autoincrement=True)
-    user_id: Mapped[str] = mapped_column(ForeignKey("users.id", ondelete="CASCADE"))
+    user_id: Mapped[str] = mapped_column(sa.ForeignKey("users.id", ondelete="CASCADE"))
     map_id: Mapped[str] = mapped_column(index=True)
     walk: Mapped[str]
     time_utc: Mapped[datetime] = mapped_column(index=True)
@@ -328,7 +373,9 @@ class MapPositions(Base):
     """Whether a map takes positions (without a row it does), and where on the Earth it lies."""
 
     __tablename__ = "map_positions"
-    map_id: Mapped[str] = mapped_column(ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True)
+    map_id: Mapped[str] = mapped_column(
+        sa.ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True
+    )
     is_on: Mapped[bool] = mapped_column(default=True)
     latitude_deg: Mapped[float | None] = mapped_column(default=None)
     longitude_deg: Mapped[float | None] = mapped_column(default=None)
@@ -340,7 +387,7 @@ class Webhook(Base):
 
     __tablename__ = "webhooks"
     id: Mapped[str] = mapped_column(primary_key=True, default=new_id)
-    map_id: Mapped[str] = mapped_column(ForeignKey("maps.id", ondelete="CASCADE"), index=True)
+    map_id: Mapped[str] = mapped_column(sa.ForeignKey("maps.id", ondelete="CASCADE"), index=True)
     url: Mapped[str]
     secret: Mapped[str]
     created_utc: Mapped[datetime] = mapped_column(default=now_utc)
@@ -362,20 +409,20 @@ class Floor(Base):
 
     __tablename__ = "floors"
     __table_args__ = (
-        UniqueConstraint("building", "level"),
-        Index("floors_by_place", "latitude_deg", "longitude_deg"),
+        sa.UniqueConstraint("building", "level"),
+        sa.Index("floors_by_place", "latitude_deg", "longitude_deg"),
     )
     number: Mapped[int] = mapped_column(primary_key=True)
     id: Mapped[str] = mapped_column(unique=True, default=new_id)
-    building: Mapped[int] = mapped_column(ForeignKey("buildings.number"))
+    building: Mapped[int] = mapped_column(sa.ForeignKey("buildings.number"))
     level: Mapped[int]
     latitude_deg: Mapped[float]
     longitude_deg: Mapped[float]
     radius_m: Mapped[float]
     altitude_m: Mapped[float | None] = mapped_column(default=None)
     has_wifi: Mapped[bool]
-    revision: Mapped[int] = mapped_column(BigInteger)
-    manifest: Mapped[str] = mapped_column(Text)
+    revision: Mapped[int] = mapped_column(sa.BigInteger)
+    manifest: Mapped[str] = mapped_column(sa.Text)
     published_utc: Mapped[datetime] = mapped_column(default=now_utc)
 
 
@@ -384,20 +431,20 @@ class FloorPart(Base):
 
     __tablename__ = "floor_parts"
     floor: Mapped[int] = mapped_column(
-        ForeignKey("floors.number", ondelete="CASCADE"), primary_key=True
+        sa.ForeignKey("floors.number", ondelete="CASCADE"), primary_key=True
     )
     sha256: Mapped[str] = mapped_column(primary_key=True, index=True)
-    size_bytes: Mapped[int] = mapped_column(BigInteger)
+    size_bytes: Mapped[int] = mapped_column(sa.BigInteger)
 
 
 class FloorPoint(Base):
     """An access point that is heard on a floor; found by its address, 48 bits."""
 
     __tablename__ = "floor_points"
-    bssid: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
+    bssid: Mapped[int] = mapped_column(sa.BigInteger, primary_key=True, autoincrement=False)
     floor: Mapped[int] = mapped_column(
-        ForeignKey("floors.number", ondelete="CASCADE"), primary_key=True, index=True
+        sa.ForeignKey("floors.number", ondelete="CASCADE"), primary_key=True, index=True
     )
-    level_dbm: Mapped[float] = mapped_column(REAL)
-    spread_db: Mapped[float] = mapped_column(REAL)
-    share: Mapped[float] = mapped_column(REAL)
+    level_dbm: Mapped[float] = mapped_column(sa.REAL)
+    spread_db: Mapped[float] = mapped_column(sa.REAL)
+    share: Mapped[float] = mapped_column(sa.REAL)
