@@ -11,9 +11,8 @@ from fastapi import APIRouter, Response
 from pydantic import BaseModel, Field, model_validator
 
 from elfslam.base.values import ELF_SIZE
-from elfslam.serve.buildings.find import Answer, Asked, FindParameters, Found
+from elfslam.serve.buildings.find import Answer, Asked, FindParameters, Found, find
 from elfslam.serve.buildings.indexes import index_of
-from elfslam.serve.buildings.lookup import find
 from elfslam.serve.buildings.senses import (
     BSSID,
     HIGHEST_DEG,

@@ -4,8 +4,15 @@ from __future__ import annotations
 
 from elfslam.serve.nearest.build import absorb, add_map, build_index, remove_map
 from elfslam.serve.nearest.folder import NearestParameters, newest_revision, read_meta
-from elfslam.serve.nearest.search import Index, exact_search, open_index
-from elfslam.serve.nearest.vote import MapCandidate, Naming, VoteParameters, which_map
+from elfslam.serve.nearest.search import (
+    Index,
+    MapCandidate,
+    Naming,
+    VoteParameters,
+    exact_search,
+    open_index,
+    which_map,
+)
 
 __all__ = [
     "Index",

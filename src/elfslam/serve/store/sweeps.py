@@ -23,7 +23,7 @@ from elfslam.data.atomic_files import replaced_file
 from elfslam.serve.positions.history import forget_old_positions
 from elfslam.serve.problems import LOG, Problem
 from elfslam.serve.receiving.completing import SCRATCH
-from elfslam.serve.receiving.upload_store import forget_upload
+from elfslam.serve.receiving.uploads import forget_upload
 from elfslam.serve.services import Services
 from elfslam.serve.store import blobs
 from elfslam.serve.store.blobs import SHA256, blob_path, put_at
