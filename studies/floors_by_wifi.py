@@ -18,12 +18,12 @@ from elfslam.base.parameters import parameter
 from elfslam.base.values import WifiScans
 from elfslam.data.mall import read_walk, walks_in
 from elfslam.serve.buildings.find import Evidence, FindParameters, Found, KnownFloor, decide
-from elfslam.serve.buildings.position import Site
-from elfslam.serve.buildings.wifi import (
+from elfslam.serve.buildings.senses import (
     RADIO_MASK,
     FloorPoints,
     KnownPoints,
     Scan,
+    Site,
     bssid_number,
     bssid_text,
     points_on,

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import struct
 import zlib
+from collections.abc import Callable
 
 SVG, PDF, PNG, JPEG = "image/svg+xml", "application/pdf", "image/png", "image/jpeg"
 GEOJSON = "application/geo+json"
@@ -146,3 +147,20 @@ def _segment(marker: int, data: bytes) -> bytes:
 def deep_geojson(depth: int = 200_000) -> bytes:
     """GeoJSON whose coordinates are arrays in arrays."""
     return json.dumps({"type": "Polygon"})[:-1].encode() + b', "coordinates": ' + b"[" * depth
+
+
+PLANS: dict[str, tuple[str, Callable[[], bytes]]] = {
+    "SVG masks": (SVG, masks),
+    "progressive JPEG": (JPEG, scanned_jpeg),
+    "PNG bomb": (PNG, png_bomb),
+    "unfolding PDF": (PDF, unfolding_pdf),
+    "SVG of 90 masks": (SVG, lambda: masks(90)),
+    "JPEG of 97 scans": (JPEG, lambda: scanned_jpeg(97)),
+    "SVG mask chain": (SVG, mask_chain),
+    "SVG nested opacity": (SVG, nested_opacity),
+    "SVG long path": (SVG, long_path),
+    "operator PDF": (PDF, operator_pdf),
+    "deep GeoJSON": (GEOJSON, deep_geojson),
+    "SVG uses of uses": (SVG, uses_of_uses),
+}
+"""Media type and maker by name."""

@@ -32,11 +32,11 @@ import numpy as np
 from elfslam.app.console import print_rows
 from elfslam.base.arrays import F32, F64
 from elfslam.serve.buildings.indexes import FOLDER, LATEST
-from elfslam.serve.buildings.tables import Building, Floor, FloorPoint
-from elfslam.serve.buildings.wifi import WifiFindParameters, points_on
+from elfslam.serve.buildings.senses import WifiFindParameters, points_on
 from elfslam.serve.nearest import NearestParameters, build_index
 from elfslam.serve.store.database import open_database
 from elfslam.serve.store.schema import upgrade
+from elfslam.serve.store.tables import Building, Floor, FloorPoint
 from studies.benchmarks.own_postgresql import Postgresql, own_postgresql
 from studies.benchmarks.served import Served, processor_s, start
 from studies.floors_by_wifi import CityParameters, Hearing, block_of, heard_now, scans_in

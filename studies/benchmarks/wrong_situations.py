@@ -14,12 +14,11 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from elfslam.serve.network.credentials import OWNER_TOKEN
-from elfslam.serve.network.signing import SIGNING_KEY
+from elfslam.serve.network.authority import SIGNING_KEY
+from elfslam.serve.network.running import OWNER_TOKEN
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
-from elfslam.serve.store.holding import holding
-from elfslam.serve.store.identity import STORE, files_of
+from elfslam.serve.store.holding import STORE, files_of, holding
 from elfslam.serve.store.opening import alone_with
 
 RELEASED = Path(__file__).parents[2] / "tests" / "serve" / "store" / "released"

@@ -27,17 +27,18 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from elfslam.app.console import print_rows
+from elfslam.serve.network.addresses import LAST_URL
 from elfslam.serve.network.authority import AUTHORITY, AUTHORITY_KEY
-from elfslam.serve.network.credentials import OWNER_TOKEN
-from elfslam.serve.network.reach import LAST_URL
+from elfslam.serve.network.running import OWNER_TOKEN
 from elfslam.serve.people.users import set_owner_token
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.blobs import put
-from elfslam.serve.store.database import Recording, RecordingFile, Upload, new_id, transaction
-from elfslam.serve.store.identity import STORE, files_of
+from elfslam.serve.store.database import transaction
+from elfslam.serve.store.holding import STORE, files_of
 from elfslam.serve.store.opening import alone_with
 from elfslam.serve.store.schema import VERSION_TABLE
+from elfslam.serve.store.tables import Recording, RecordingFile, Upload, new_id
 from studies.benchmarks import wrong_situations as wrong
 from studies.benchmarks.own_postgresql import Postgresql, initdb, own_postgresql
 from studies.benchmarks.wrong_situations import PASSWORD, SERVES, Situation, Start

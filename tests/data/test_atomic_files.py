@@ -12,7 +12,7 @@ import pytest
 from killed import survives
 
 from elfslam.app.anchor import ANCHOR, FOLLOWED
-from elfslam.base.errors import OccupiedError, StoreError
+from elfslam.base.errors import StoreError
 from elfslam.data.atomic_files import (
     new_file,
     new_folder,
@@ -24,7 +24,7 @@ from elfslam.data.atomic_files import (
 )
 from elfslam.data.map_files import FACTS, MERGED
 from elfslam.data.recordings import MANIFEST
-from elfslam.serve.store.identity import STORE
+from elfslam.serve.store.holding import STORE
 from tests.disks import mounted
 
 
@@ -91,7 +91,7 @@ def test_an_older_file_is_kept_unless_that_is_asked_for(tmp_path: Path) -> None:
     file = tmp_path / "fixes.csv"
     file.write_text("old")
     done = []
-    with pytest.raises(OccupiedError, match="already exists"), new_file(file):
+    with pytest.raises(StoreError, match="already exists"), new_file(file):
         done.append("the work")
     assert (file.read_text(), done) == ("old", [])
 
@@ -103,7 +103,7 @@ def test_a_file_that_came_first_is_kept(tmp_path: Path) -> None:
         partial.write_text("mine")
         file.write_text("theirs")
 
-    with pytest.raises(OccupiedError, match="already exists"), new_file(file) as partial:
+    with pytest.raises(StoreError, match="already exists"), new_file(file) as partial:
         late(partial)
     assert file.read_text() == "theirs"
     assert list(tmp_path.iterdir()) == [file]
@@ -133,7 +133,7 @@ def test_without_hard_links_a_file_is_renamed(
     with new_file(tmp_path / "fixes.csv") as partial:
         partial.write_text("new")
     assert (tmp_path / "fixes.csv").read_text() == "new"
-    with pytest.raises(OccupiedError), new_file(tmp_path / "fixes.csv"):
+    with pytest.raises(StoreError), new_file(tmp_path / "fixes.csv"):
         pass
 
 

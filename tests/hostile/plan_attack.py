@@ -36,7 +36,8 @@ from elfslam.app.console import print_rows, say
 from elfslam.serve.people.users import add_user
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
-from elfslam.serve.store.database import Map, transaction
+from elfslam.serve.store.database import transaction
+from elfslam.serve.store.tables import Map
 from studies.benchmarks.served import PIECE, Served, metadata, started
 from tests.hostile_plans import PLANS, PNG
 

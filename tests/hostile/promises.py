@@ -40,7 +40,7 @@ PROMISES = (
     Promise(
         "a parent that is ended",
         "its workers end with it, whatever ended it",
-        ("app/workers/test_child.py", "serve/jobs/test_child.py", "cli/test_interrupts.py"),
+        ("app/workers/test_child.py", "serve/jobs/test_executors.py", "cli/test_interrupts.py"),
     ),
     Promise("400 MB of address space", "one line, at once", ("cli/test_scarce_memory.py",)),
     Promise(
@@ -63,13 +63,13 @@ PROMISES = (
     Promise(
         "both lengths in one request",
         "400, and the connection is closed",
-        ("serve/network/test_serving.py", "serve/network/test_timeouts.py"),
+        ("serve/network/test_running.py", "serve/network/test_connections.py"),
     ),
     Promise("control characters", "escaped by the one place that prints", ("app/test_console.py",)),
     Promise(
         "odd starts: locks, keys, names, LANG=C",
         "one line; no key is rewritten",
-        ("cli/test_names.py", "serve/network/test_credentials.py", "serve/test_command.py"),
+        ("cli/test_names.py", "serve/network/test_running.py", "serve/test_command.py"),
     ),
     Promise(
         "`map RECORDING .`, an empty OUT", "refused, nothing written", ("cli/test_outputs.py",)
@@ -80,7 +80,7 @@ PROMISES = (
         (
             "serve/receiving/test_uploads.py",
             "serve/sharing/test_rights.py",
-            "serve/network/test_names.py",
+            "serve/network/test_addresses.py",
             "serve/people/test_users.py",
         ),
     ),

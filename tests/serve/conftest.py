@@ -20,7 +20,7 @@ from elfslam.serve.people.access import new_token
 from elfslam.serve.people.users import add_user, set_owner_token
 from elfslam.serve.services import Services, open_services
 from elfslam.serve.settings import PAGES_FOLDER, ServerSettings
-from elfslam.serve.store.database import Map
+from elfslam.serve.store.tables import Map
 from elfslam.stages.feature import load_encoder
 from studies.benchmarks.own_postgresql import initdb, own_postgresql
 from studies.benchmarks.served import Served, start

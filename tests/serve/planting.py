@@ -10,15 +10,8 @@ from elfslam.base.values import FloorMap
 from elfslam.data.map_files import ENCODER, MAP, write_map
 from elfslam.serve.services import Services
 from elfslam.serve.store import blobs
-from elfslam.serve.store.database import (
-    Map,
-    MapFile,
-    Recording,
-    RecordingFile,
-    User,
-    reading,
-    transaction,
-)
+from elfslam.serve.store.database import reading, transaction
+from elfslam.serve.store.tables import Map, MapFile, Recording, RecordingFile, User
 from elfslam.stages.feature import OnnxEncoder, load_encoder
 
 

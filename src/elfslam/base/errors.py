@@ -37,10 +37,6 @@ class StoreError(ElfslamError):
     """Something on disk that cannot be read back or must not be overwritten."""
 
 
-class OccupiedError(StoreError):
-    """An older result lies where a new one is to go; who wants that replaced may say so."""
-
-
 class WorkerError(ElfslamError):
     """Work that was given to others and that they cannot do: they died, or are another version."""
 

@@ -14,7 +14,7 @@ from elfslam.cli.options import On
 from elfslam.data.geographic import Origin, parse_origin
 
 if TYPE_CHECKING:
-    from elfslam.serve.positions.mqtt_address import Broker
+    from elfslam.serve.positions.mqtt import Broker
     from elfslam.serve.settings import Limits
 
 DATA_FOLDER = Path("~/.elfslam")
@@ -75,7 +75,7 @@ def serve_command(
     local_webhooks: LocalWebhooks = False,
 ) -> None:
     """Run the server and its phone page; prints the address and its QR code."""
-    from elfslam.serve.network.names import checked_names, name_in
+    from elfslam.serve.network.addresses import checked_names, name_in
     from elfslam.serve.network.running import Listening, run
     from elfslam.serve.settings import ServerSettings
 
@@ -121,8 +121,8 @@ def _limits(position_days: float) -> Limits:
 
 
 def _broker(url: str, credentials: Path | None, authority: Path | None) -> Broker | None:
-    from elfslam.serve.positions.mqtt import client_of
-    from elfslam.serve.positions.mqtt_address import parse_broker
+    """The broker of the options; None without one. Raises InputError."""
+    from elfslam.serve.positions.mqtt import client_of, parse_broker
 
     if not url:
         if credentials or authority:
@@ -154,9 +154,8 @@ def publish_command(
 ) -> None:
     """Let phones find and fetch the map of a floor; published again it gets a new revision."""
     from elfslam.serve.buildings.indexes import index_floor
-    from elfslam.serve.buildings.publishing import Spot, publish
-    from elfslam.serve.buildings.sources import floor_of
-    from elfslam.serve.buildings.wifi import WifiFindParameters
+    from elfslam.serve.buildings.publishing import Spot, floor_of, publish
+    from elfslam.serve.buildings.senses import WifiFindParameters
     from elfslam.serve.services import open_services
     from elfslam.serve.settings import ServerSettings
     from elfslam.serve.texts import plain_line
@@ -208,7 +207,7 @@ def buildings_command(
     """List what is published."""
     from elfslam.serve.buildings import publishing
     from elfslam.serve.buildings.indexes import index_floors
-    from elfslam.serve.buildings.listing import published_rows
+    from elfslam.serve.buildings.publishing import published_rows
     from elfslam.serve.nearest import NearestParameters
     from elfslam.serve.services import open_services
     from elfslam.serve.settings import ServerSettings

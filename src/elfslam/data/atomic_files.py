@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from elfslam.base.errors import OccupiedError, StoreError
+from elfslam.base.errors import StoreError
 
 LOCK, PARTIAL, REPLACED = "lock", "partial", "replaced"
 UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG)
@@ -128,13 +128,13 @@ def refuse_read(path: Path, reads: Iterable[Path | str]) -> None:
 def refuse_occupied(folder: Path, replaces: str | None) -> None:
     """Raise StoreError where `new_folder` would, but for somebody who comes later.
 
-    It is an OccupiedError where an older result might be replaced.
+    It is an StoreError where an older result might be replaced.
     """
     place_of(folder)
     if _is_free(settled(folder)):
         return
     if replaces is None:
-        raise OccupiedError(
+        raise StoreError(
             f"{folder}: already exists; choose another folder or delete it", argument="overwrite"
         )
     if not (folder / replaces).is_file():
@@ -162,7 +162,7 @@ def _refuse_file(file: Path, reads: Iterable[Path | str], *, overwrite: bool) ->
     if owner:
         raise StoreError(f"{file}: belongs to {owner}; choose another place")
     if not overwrite:
-        raise OccupiedError(
+        raise StoreError(
             f"{file}: already exists; choose another name or delete it", argument="overwrite"
         )
 

@@ -14,28 +14,23 @@ from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 
 from elfslam import __version__
-from elfslam.serve.buildings import routes as building_routes
-from elfslam.serve.jobs import routes as job_routes
+from elfslam.serve.buildings import routes as buildings
+from elfslam.serve.jobs import routes as jobs
 from elfslam.serve.jobs.runner import run_jobs
-from elfslam.serve.maps import changing as map_changing
-from elfslam.serve.maps import floor_plans as floor_plan_routes
-from elfslam.serve.maps import package_routes, point_routes
-from elfslam.serve.maps import routes as map_routes
+from elfslam.serve.maps import floor_plans, package, point_routes
+from elfslam.serve.maps import routes as maps
 from elfslam.serve.page_routes import install_pages
-from elfslam.serve.people import pairing, users
+from elfslam.serve.people import users
 from elfslam.serve.people.access import current_user
 from elfslam.serve.people.guards import Guard
-from elfslam.serve.positions import map_routes as map_position_routes
-from elfslam.serve.positions import routes as position_routes
+from elfslam.serve.positions import routes as positions
 from elfslam.serve.positions.history import keeping_history
 from elfslam.serve.positions.mqtt import publishing
 from elfslam.serve.positions.webhooks import posting
 from elfslam.serve.problems import EVERYWHERE, ProblemBody, install_problems
-from elfslam.serve.receiving import changing, looking, recordings, uploads
+from elfslam.serve.receiving import recordings, uploads
 from elfslam.serve.services import Services, ServicesDep
-from elfslam.serve.settings import told_limits
-from elfslam.serve.sharing import groups
-from elfslam.serve.sharing import routes as sharing_routes
+from elfslam.serve.sharing import routes as sharing
 from elfslam.serve.sharing.rights import identify_first
 from elfslam.serve.store.sweeps import sweeping
 from elfslam.stages.chirp import ChirpParameters
@@ -43,25 +38,21 @@ from elfslam.stages.medium_access import MediumAccessParameters
 
 ROUTERS: tuple[APIRouter, ...] = (
     users.router,
-    pairing.router,
     recordings.router,
-    changing.router,
-    looking.router,
     uploads.router,
-    job_routes.router,
-    position_routes.router,
-    map_position_routes.router,
-    groups.router,
+    jobs.router,
+    positions.router,
+    positions.map_router,
+    sharing.group_router,
 )
 """Under /api, all of them for users with a token."""
 ADMITTING: tuple[APIRouter, ...] = (
-    building_routes.router,
-    map_routes.router,
-    map_changing.router,
-    floor_plan_routes.router,
+    buildings.router,
+    maps.router,
+    floor_plans.router,
     point_routes.router,
-    package_routes.router,
-    sharing_routes.router,
+    package.router,
+    sharing.router,
 )
 """Also under /api; each route looks itself at who asks: by token, or by the link of a map."""
 BACKGROUND: tuple[Callable[[Services], AbstractContextManager[None]], ...] = (
@@ -98,7 +89,7 @@ def version(services: ServicesDep) -> Version:
         version=__version__,
         chirp=played(ChirpParameters()),
         medium_access=asdict(MediumAccessParameters()),
-        limits=told_limits(services.settings.limits),
+        limits=asdict(services.settings.limits),
     )
 
 
@@ -116,12 +107,7 @@ def drawing_script(map_id: str, version: str) -> FileResponse:
     return FileResponse(script_file(), media_type="text/javascript", headers=allowed)
 
 
-PUBLIC: tuple[APIRouter, ...] = (
-    public,
-    pairing.public,
-    package_routes.public,
-    sharing_routes.public,
-)
+PUBLIC: tuple[APIRouter, ...] = (public, users.public, package.public, sharing.public)
 """Under /api, for anyone."""
 
 

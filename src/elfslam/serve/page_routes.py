@@ -1,25 +1,198 @@
-"""The pages of the phone and the desk, and the certificate that makes browsers trust us."""
+"""The pages of phone and desk, compressed once, and the certificate that makes browsers trust."""
 
 from __future__ import annotations
 
+import asyncio
+import gzip
+import hashlib
 import json
 import mimetypes
-from collections.abc import Awaitable, Callable
+import threading
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
+from dataclasses import dataclass
+from os import PathLike, stat_result
 from pathlib import Path
+from typing import Any
 
 from fastapi import FastAPI, Request
-from fastapi.responses import FileResponse, Response
 from pydantic import BaseModel
+from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
+from starlette.responses import FileResponse, Response, StreamingResponse
 from starlette.routing import Match, Mount
+from starlette.staticfiles import NotModifiedResponse, StaticFiles
 from starlette.types import Scope
 
 from elfslam.serve.maps.package import GROUPS_OF_WALK, phone_parameters
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.services import ServicesDep
 from elfslam.serve.settings import ServerSettings
-from elfslam.serve.static_files import PageFiles
 from elfslam.stages.feature import SHIPPED_ENCODER
+
+COMPRESSED = frozenset((".html", ".css", ".js", ".mjs", ".svg", ".webmanifest", ".wasm", ".json"))
+LEVEL = 6
+"""Of gzip; the highest gains 1 % and takes three times as long."""
+WORTH = 0.95
+"""A copy that is not smaller than this share is not sent."""
+PIECE_BYTES = 2**16
+PHONE_PAGE, MISSING_PAGE = "phone.html", "missing.html"
+OF_PHONE = ("phone", "shared", "keeping", "stages", "words", "vendor")
+"""Folders that the phone page needs without a network; `vendor` less what the desk alone needs."""
+ALONE = (PHONE_PAGE, "style.css", "app.webmanifest")
+NOT_OF_PHONE = ("vendor/qrcode-generator",)
+KEPT = frozenset((*COMPRESSED, ".png", ".onnx"))
+"""Licences and the like stay on the server."""
+
+Stamp = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Copy:
+    """What a file is known by, and its compressed copy where that is smaller."""
+
+    sha256: str
+    size_bytes: int
+    zipped: bytes | None
+
+    @property
+    def sent_bytes(self) -> int:
+        """What goes over the network."""
+        return self.size_bytes if self.zipped is None else len(self.zipped)
+
+    def tag(self, *, zipped: bool) -> str:
+        """The ETag of one of the two."""
+        return f'"{self.sha256[:32]}{"-gzip" if zipped else ""}"'
+
+
+class PageFiles(StaticFiles):
+    """Static files with strong ETags, compressed for whoever takes that, in ranges for others.
+
+    `beside` names files of other folders that have an address among those of the pages.
+    """
+
+    def __init__(self, folder: Path, beside: Mapping[str, Path] | None = None) -> None:
+        super().__init__(directory=folder, check_dir=False)
+        self._folder, self._lock = folder, threading.Lock()
+        self._beside = dict(beside or {})
+        self._copies: dict[Path, tuple[Stamp, Copy]] = {}
+        self._alone: dict[Path, threading.Lock] = {}
+
+    async def get_response(self, path: str, scope: Scope) -> Response:
+        """A file, or that it has not changed; a page for browsers at an address that leads nowhere.
+
+        Raises HTTPException, also where nobody asked for a page.
+        """
+        try:
+            response = await super().get_response(path, scope)
+        except HTTPException as error:
+            missing = self._folder / MISSING_PAGE
+            if error.status_code != 404 or not wants_page(Headers(scope=scope), missing):
+                raise
+            return FileResponse(missing, status_code=404)
+        if not isinstance(response, FileResponse):
+            return response
+        try:
+            copy = await run_in_threadpool(self.copy_of, Path(response.path))
+        except FileNotFoundError as error:
+            raise HTTPException(404) from error
+        return self._answer(response, copy, Headers(scope=scope), scope["method"])
+
+    def lookup_path(self, path: str) -> tuple[str, stat_result | None]:
+        """Where the file of an address lies."""
+        file = self._beside.get(path)
+        return super().lookup_path(path) if file is None else (str(file), file.stat())
+
+    def file_response(
+        self,
+        full_path: str | PathLike[str],
+        stat_result: stat_result,
+        scope: Scope,
+        status_code: int = 200,
+    ) -> Response:
+        """The file as it is; whether it is wanted so is seen later."""
+        return FileResponse(full_path, status_code=status_code, stat_result=stat_result)
+
+    def _answer(self, plain: FileResponse, copy: Copy, asked: Headers, method: str) -> Response:
+        zipped = copy.zipped if takes_gzip(asked) and "range" not in asked else None
+        headers = {"ETag": copy.tag(zipped=zipped is not None)}
+        if copy.zipped is not None:
+            headers["Vary"] = "Accept-Encoding"
+        plain.headers.update(headers)
+        if self.is_not_modified(plain.headers, asked):
+            return NotModifiedResponse(plain.headers)
+        if zipped is None:
+            return plain
+        headers |= {"Content-Encoding": "gzip", "Content-Length": str(len(zipped))}
+        headers["Last-Modified"] = plain.headers["last-modified"]
+        if method == "HEAD":
+            return Response(None, 200, headers, plain.media_type)
+        return StreamingResponse(_pieces(zipped), 200, headers, plain.media_type)
+
+    def copy_of(self, file: Path) -> Copy:
+        """What is known of a file, found out anew when it changed. Raises FileNotFoundError."""
+        about = file.stat()
+        stamp = about.st_mtime_ns, about.st_size
+        with self._lock:  # short: nobody waits for a large file but who wants that file
+            alone = self._alone.setdefault(file, threading.Lock())
+        with alone:
+            known = self._copies.get(file)
+            if known is None or known[0] != stamp:
+                known = self._copies[file] = stamp, _copied(file)
+        return known[1]
+
+    def kept_by_phones(self) -> dict[str, Any]:
+        """The files that the phone page needs, by digest; `version` changes with any of them."""
+        files = {name: self._folder / name for name in self._names()} | self._beside
+        rows = [_row(name, self.copy_of(file)) for name, file in sorted(files.items())]
+        told = "".join(f"{row['path']} {row['sha256']}\n" for row in rows)
+        sums = {name: sum(row[name] for row in rows) for name in ("size_bytes", "sent_bytes")}
+        return {"version": hashlib.sha256(told.encode()).hexdigest()[:16], **sums, "files": rows}
+
+    def _names(self) -> Iterator[str]:
+        folders = (file for name in OF_PHONE for file in (self._folder / name).rglob("*"))
+        for file in sorted([*(self._folder / name for name in ALONE), *folders]):
+            name = file.relative_to(self._folder).as_posix()
+            if file.suffix in KEPT and file.is_file() and not name.startswith(NOT_OF_PHONE):
+                yield name
+
+
+def _row(name: str, copy: Copy) -> dict[str, Any]:
+    return {
+        "path": "/" if name == PHONE_PAGE else f"/{name}",
+        "sha256": copy.sha256,
+        "size_bytes": copy.size_bytes,
+        "sent_bytes": copy.sent_bytes,
+    }
+
+
+def wants_page(asked: Headers, page: Path) -> bool:
+    """Whether it is a browser that opens an address, and there is that page to answer it with."""
+    return "text/html" in asked.get("accept", "").lower() and page.is_file()
+
+
+def takes_gzip(asked: Headers) -> bool:
+    """Whether whoever asks takes gzip (RFC 9110, 12.5.3)."""
+    for entry in asked.get("accept-encoding", "").lower().split(","):
+        name, _, weight = entry.replace(" ", "").partition(";q=")
+        if name in ("gzip", "*"):
+            return weight.strip("0.") != "" if weight else True
+    return False
+
+
+async def _pieces(content: bytes) -> AsyncIterator[bytes]:
+    """Pieces, so that few wait in memory for whoever is slow, and nobody for whoever is fast."""
+    for begin in range(0, len(content), PIECE_BYTES):
+        yield content[begin : begin + PIECE_BYTES]
+        await asyncio.sleep(0)
+
+
+def _copied(file: Path) -> Copy:
+    content = file.read_bytes()
+    zipped = gzip.compress(content, LEVEL, mtime=0) if file.suffix in COMPRESSED else content
+    worth = len(zipped) < WORTH * len(content)
+    return Copy(hashlib.sha256(content).hexdigest(), len(content), zipped if worth else None)
+
 
 PAGES = {"/": "phone.html", "/desk": "desk.html", "/trust": "trust.html"}
 CERTIFICATE, WORKER, PARAMETERS = "authority.pem", "service_worker.js", "parameters.json"
@@ -64,7 +237,7 @@ class PagesMount(Mount):
 def install_pages(app: FastAPI, settings: ServerSettings) -> None:
     """Serve the pages, some at short addresses, and what phones draw walks with beside them.
 
-    That is the shipped encoder and the pipeline's parameters, which are written to the data folder.
+    That is the shipped encoder and the line's parameters, which are written to the data folder.
     """
     folder = settings.pages_folder
     parameters = settings.data_folder / PARAMETERS

@@ -16,7 +16,7 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.exceptions import HTTPException
 
 from elfslam.base.errors import InputError, ParameterError, StoreError
-from elfslam.serve.store.disk_room import FULL_ERRORS
+from elfslam.serve.store.blobs import FULL_ERRORS
 
 MEDIA_TYPE = "application/problem+json"
 WRONG_CHECKSUM = 460
@@ -77,10 +77,7 @@ EVERYWHERE = problems(400, 401, 403, 404, 408, 413, 421, 422, 429, 503, 507)
 
 
 def problem_response(
-    status: int,
-    detail: str,
-    headers: Mapping[str, str] | None = None,
-    levels: Sequence[str] = (),
+    status: int, detail: str, headers: Mapping[str, str] | None = None, levels: Sequence[str] = ()
 ) -> JSONResponse:
     """A refusal as a response."""
     choice = list(levels) or None

@@ -1,9 +1,11 @@
-"""What the routes of one server share: settings, database, and who is busy with what."""
+"""What the routes of one server share: settings, database, rates, codes, and who is busy."""
 
 from __future__ import annotations
 
+import secrets
 import threading
-from collections.abc import Iterable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -12,15 +14,85 @@ from anyio import CapacityLimiter
 from fastapi import Depends, Request
 from sqlalchemy import Engine
 
-from elfslam.serve.parsing.children import Children
-from elfslam.serve.parsing.turns import Turns
-from elfslam.serve.people.codes import OneTimeCodes
-from elfslam.serve.people.rates import Rates
+from elfslam.serve.parsing.children import Children, Turns
 from elfslam.serve.positions.hub import PositionHub
 from elfslam.serve.problems import Problem
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.database import Sessions, sessions_of
 from elfslam.serve.store.opening import Examine, join_store, look_at_nothing, open_store
+
+MOST_BUCKETS = 10_000
+
+
+class Rates:
+    """Buckets by key, all of one size. Safe among threads."""
+
+    def __init__(
+        self, per_s: float, burst_s: float, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._per_s, self._room, self._clock = per_s, max(1.0, per_s * burst_s), clock
+        self._lock = threading.Lock()
+        self._buckets: dict[str, tuple[float, float]] = {}
+
+    def take(self, key: str) -> float:
+        """Take one request from a bucket: 0, or where it is empty the seconds to wait."""
+        with self._lock:
+            now_s = self._clock()
+            if len(self._buckets) >= MOST_BUCKETS:
+                self._forget_full(now_s)
+            left = self._left(key, now_s)
+            if left < 1:
+                return (1 - left) / self._per_s
+            self._buckets[key] = left - 1, now_s
+            return 0.0
+
+    def _left(self, key: str, now_s: float) -> float:
+        left, since_s = self._buckets.get(key, (self._room, now_s))
+        return min(self._room, left + (now_s - since_s) * self._per_s)
+
+    def _forget_full(self, now_s: float) -> None:
+        full = [key for key in self._buckets if self._left(key, now_s) >= self._room]
+        for key in full or list(self._buckets)[: MOST_BUCKETS // 2]:
+            del self._buckets[key]
+
+
+CODE_BYTES = 16
+LASTS_S = 600.0
+MOST = 1000
+"""Codes that wait to be used; the oldest give way."""
+
+
+class OneTimeCodes:
+    """Tokens by codes. Safe among threads."""
+
+    def __init__(
+        self, lasts_s: float = LASTS_S, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self.lasts_s, self._clock = lasts_s, clock
+        self._lock = threading.Lock()
+        self._tokens: dict[str, tuple[str, float]] = {}
+
+    def make(self, token: str) -> str:
+        """A new code for a token."""
+        code = secrets.token_urlsafe(CODE_BYTES)
+        with self._lock:
+            self._forget_old()
+            while len(self._tokens) >= MOST:
+                del self._tokens[next(iter(self._tokens))]
+            self._tokens[code] = token, self._clock() + self.lasts_s
+        return code
+
+    def redeem(self, code: str) -> str | None:
+        """The token of a code, which is used up; None for one that was used or is too old."""
+        with self._lock:
+            self._forget_old()
+            token, _ = self._tokens.pop(code, (None, 0.0))
+        return token
+
+    def _forget_old(self) -> None:
+        now_s = self._clock()
+        for code in [each for each, (_, ends_s) in self._tokens.items() if ends_s <= now_s]:
+            del self._tokens[code]
 
 
 class Busy:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from elfslam.serve.positions.mqtt_address import Broker
+from elfslam.serve.positions.mqtt import Broker
 
 MEBIBYTE = 2**20
 GIBIBYTE = 2**30
@@ -150,8 +150,3 @@ def prepare_folders(settings: ServerSettings) -> None:
         settings.quarantine_folder,
     ):
         folder.mkdir(exist_ok=True, mode=0o700)
-
-
-def told_limits(limits: Limits) -> dict[str, float]:
-    """The limits as the API tells them."""
-    return asdict(limits)

@@ -16,7 +16,7 @@ import pytest
 
 from elfslam.base.values import FloorMap
 from elfslam.serve.buildings.publishing import NewFloor, Spot
-from elfslam.serve.buildings.wifi import FloorPoints, bssid_text
+from elfslam.serve.buildings.senses import FloorPoints, bssid_text
 from elfslam.serve.settings import ServerSettings
 
 RADIOS = 0x0433_8900_0000 + 0x100 * np.arange(12)
@@ -71,11 +71,7 @@ def files_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
 def settings(tmp_path: Path, database_url: str, files_url: str) -> ServerSettings:
     """A data folder that does not exist yet; no jobs run."""
     return ServerSettings(
-        tmp_path / "data",
-        database_url,
-        secure_cookie=False,
-        run_jobs=False,
-        files_url=files_url,
+        tmp_path / "data", database_url, secure_cookie=False, run_jobs=False, files_url=files_url
     )
 
 

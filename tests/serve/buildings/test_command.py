@@ -15,16 +15,10 @@ from elfslam.base.values import FloorMap, Imu, Recording, WifiScans
 from elfslam.cli.app import run
 from elfslam.data.map_files import ENCODER, MAP, write_map
 from elfslam.data.recordings import write_recording
-from elfslam.serve.buildings.tables import Floor
 from elfslam.serve.services import Services
-from elfslam.serve.store.database import (
-    Map,
-    User,
-    reading,
-)
-from elfslam.serve.store.database import (
-    Recording as RecordingRow,
-)
+from elfslam.serve.store.database import reading
+from elfslam.serve.store.tables import Floor, Map, User
+from elfslam.serve.store.tables import Recording as RecordingRow
 from elfslam.stages.feature import OnnxEncoder, load_encoder
 from tests.serve.planting import plant_files
 

@@ -9,21 +9,19 @@ import numpy as np
 import pytest
 
 from elfslam.base.arrays import F32, I64
-from elfslam.serve.buildings.echoes import (
+from elfslam.serve.buildings.find import Evidence, FindParameters, Found, KnownFloor, decide
+from elfslam.serve.buildings.senses import (
     EchoEvidence,
     EchoFindParameters,
     EchoIndex,
-    echo_evidence,
-    unit_rows,
-)
-from elfslam.serve.buildings.find import Evidence, FindParameters, Found, KnownFloor, decide
-from elfslam.serve.buildings.position import (
     Place,
     PositionFindParameters,
     Site,
     box_deg,
     distance_m,
+    echo_evidence,
     position_log_odds,
+    unit_rows,
 )
 from elfslam.serve.nearest import exact_search
 

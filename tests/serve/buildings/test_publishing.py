@@ -24,10 +24,10 @@ from elfslam.serve.buildings import files as store
 from elfslam.serve.buildings import publishing
 from elfslam.serve.buildings.files import open_files
 from elfslam.serve.buildings.publishing import NewFloor, publish, sweep, withdraw
-from elfslam.serve.buildings.tables import Building, Floor, FloorPart, FloorPoint
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.database import reading
+from elfslam.serve.store.tables import Building, Floor, FloorPart, FloorPoint
 
 MakeFloor = Callable[..., NewFloor]
 STORES = pytest.mark.parametrize(

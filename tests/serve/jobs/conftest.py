@@ -15,7 +15,7 @@ from elfslam.app.merge import merge_into
 from elfslam.data.recordings import read_recording, write_recording
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
-from elfslam.serve.store.database import Map, Recording, RecordingState
+from elfslam.serve.store.tables import Map, Recording, RecordingState
 from elfslam.slam.merging import MergeParameters
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes

@@ -21,7 +21,7 @@ from elfslam.data.map_files import read_map
 from elfslam.data.position_files import read_tum
 from elfslam.serve.maps.view import view_of
 from elfslam.serve.services import Services
-from elfslam.serve.store.database import new_id
+from elfslam.serve.store.tables import new_id
 
 Keep = Callable[[TestClient, str], str]
 PLACE = {

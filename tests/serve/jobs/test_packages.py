@@ -25,7 +25,8 @@ from elfslam.base.values import FloorMap
 from elfslam.data.map_files import read_map
 from elfslam.data.tiles import map_of_parts, stretches_of, tiles_of
 from elfslam.serve.services import Services
-from elfslam.serve.store.database import Map, MapFile, MapPart, new_id, transaction
+from elfslam.serve.store.database import transaction
+from elfslam.serve.store.tables import Map, MapFile, MapPart, new_id
 from elfslam.slam.parameters import Parameters
 
 Json = dict[str, Any]

@@ -23,7 +23,8 @@ from elfslam.scoring.truth import read_truth
 from elfslam.serve.jobs.tasks import frame_of
 from elfslam.serve.receiving.reader import find
 from elfslam.serve.services import Services
-from elfslam.serve.store.database import Map, Recording, RecordingState, reading, transaction
+from elfslam.serve.store.database import reading, transaction
+from elfslam.serve.store.tables import Map, Recording, RecordingState
 from elfslam.world.simulate import describe_chirp
 from tests.serve.jobs.conftest import start
 from tests.serve.planting import plant_files

@@ -11,18 +11,10 @@ from pathlib import Path
 import pytest
 
 from elfslam.serve.jobs import queue as jobs
-from elfslam.serve.store.database import (
-    Job,
-    JobKind,
-    JobState,
-    Sessions,
-    User,
-    open_database,
-    reading,
-    sessions_of,
-    transaction,
-)
+from elfslam.serve.jobs.executors import Progress
+from elfslam.serve.store.database import Sessions, open_database, reading, sessions_of, transaction
 from elfslam.serve.store.schema import upgrade
+from elfslam.serve.store.tables import Job, JobKind, JobState, User
 
 pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
 CLAIM_ALL = """
@@ -126,12 +118,12 @@ def test_processes_and_threads_that_claim_at_once_never_share_a_job(
 def test_a_cancelled_job_hears_nothing_more(sessions: Sessions) -> None:
     [job_id] = queued(sessions, 1)
     held = claimed(sessions)
-    assert jobs.tell(sessions, held, "echoes", 0.1)
+    assert jobs.tell(sessions, held, Progress("echoes", 0.1))
     with transaction(sessions) as session:
         assert jobs.cancel(session, job_id)
         assert jobs.cancel(session, job_id)
     assert not jobs.holds(sessions, held)
-    assert not jobs.tell(sessions, held, "graph", 0.9)
+    assert not jobs.tell(sessions, held, Progress("graph", 0.9))
     assert not ended(sessions, held)
     assert not jobs.give_back(sessions, held)
     job = state_of(sessions, job_id)

@@ -12,11 +12,12 @@ from sqlalchemy import func, select
 from starlette.testclient import TestClient
 
 from elfslam.serve.jobs import queue as jobs
-from elfslam.serve.jobs.child import Result
+from elfslam.serve.jobs.executors import Result
 from elfslam.serve.jobs.results import keep
 from elfslam.serve.services import Services
 from elfslam.serve.settings import Limits, ServerSettings
-from elfslam.serve.store.database import Base, Job, Recording, new_id, reading, transaction
+from elfslam.serve.store.database import reading, transaction
+from elfslam.serve.store.tables import Base, Job, Recording, new_id
 
 pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
 Json = dict[str, Any]

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from starlette.testclient import TestClient
 
-from elfslam.serve.jobs.folder import DISK_FULL
+from elfslam.serve.jobs.executors import DISK_FULL
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
 from tests.disks import mounted
@@ -86,10 +86,7 @@ def test_a_job_that_takes_too_much_memory_fails_alone(
 
 
 def test_a_job_that_takes_too_long_is_stopped(
-    owner: TestClient,
-    remember: Remember,
-    ended: Wait,
-    services: Services,
+    owner: TestClient, remember: Remember, ended: Wait, services: Services
 ) -> None:
     allow(services, job_s=0.01)
     job = ended(owner, start(owner, kind="map", recording=remember(owner, "mute")))

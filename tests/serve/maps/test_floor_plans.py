@@ -21,8 +21,7 @@ from starlette.testclient import TestClient
 
 from elfslam.base.values import FloorMap
 from elfslam.data.plan_pictures import NAMESPACE
-from elfslam.serve.parsing.children import Children
-from elfslam.serve.parsing.turns import OF_ONE, WAITING
+from elfslam.serve.parsing.children import OF_ONE, WAITING, Children
 from elfslam.serve.services import Services
 from elfslam.serve.settings import Limits, ServerSettings
 from tests import hostile_plans

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import random
+import resource
 import signal
 import socket
 import ssl
@@ -22,16 +23,28 @@ import pytest
 from elfslam.base.errors import InputError, StoreError
 from elfslam.serve.network.addresses import checked_hosts
 from elfslam.serve.network.authority import (
+    SIGNING_KEY,
+    fingerprint,
     fingerprint_of,
     open_authority,
     server_certificate,
+    signing_key,
     utc_now,
 )
-from elfslam.serve.network.credentials import owner_token, trust_key
-from elfslam.serve.network.running import Listening, greeting, invite, qr_lines, run
-from elfslam.serve.network.signing import fingerprint, signing_key
+from elfslam.serve.network.running import (
+    OWNER_TOKEN,
+    Listening,
+    allow_open_files,
+    check_credentials,
+    greeting,
+    invite,
+    owner_token,
+    qr_lines,
+    run,
+    trust_key,
+)
 from elfslam.serve.people.users import set_owner_token
-from elfslam.serve.services import open_services
+from elfslam.serve.services import Services, open_services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.opening import InUseError
 from tests.waiting import until
@@ -260,7 +273,7 @@ def test_plain_http_stays_on_this_machine(settings: ServerSettings) -> None:
 
 def test_public_addresses_want_a_word() -> None:
     for host in ("0.0.0.0", "8.8.8.8", "::"):
-        with pytest.raises(InputError, match="--allow-public"):
+        with pytest.raises(InputError, match="or allow public ones"):
             checked_hosts(host, allow_public=False)
         assert checked_hosts(host, allow_public=True) == [host]
     assert checked_hosts(None, allow_public=False)[-1] == "127.0.0.1"
@@ -337,3 +350,116 @@ def test_a_server_that_cannot_listen_changes_nothing(settings: ServerSettings) -
         with pytest.raises(InputError, match="cannot listen there"):
             run(settings, Listening("127.0.0.1", port, plain_http=True, new_token=True), print)
     assert list(settings.authority_folder.iterdir()) == []
+
+
+@pytest.fixture
+def authority(services: Services) -> Path:
+    """The folder of a store that was served once."""
+    owner_token(services)
+    trust_key(services)
+    return services.settings.authority_folder
+
+
+def check(services: Services, *, renews_token: bool = False, renews_key: bool = False) -> None:
+    folder = services.settings.authority_folder
+    check_credentials(services.engine, folder, renews_token=renews_token, renews_key=renews_key)
+
+
+def test_a_new_store_has_nothing_to_lose(services: Services) -> None:
+    check(services)
+    assert list(services.settings.authority_folder.iterdir()) == []
+
+
+def test_what_belongs_together_passes(services: Services, authority: Path) -> None:
+    before = {file.name: file.read_bytes() for file in authority.iterdir()}
+    check(services)
+    assert owner_token(services) == (authority / OWNER_TOKEN).read_text().strip()
+    assert (authority / OWNER_TOKEN).stat().st_mode & 0o077 == 0
+    trust_key(services)
+    assert {file.name: file.read_bytes() for file in authority.iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [(None, "is missing"), ("another\n", "is another one"), ("two words", "is damaged"),
+     ("\xff\x00", "is damaged"), ("", "is damaged")],
+)  # fmt: skip
+def test_a_token_that_is_not_the_owners(
+    services: Services, authority: Path, content: str | None, words: str
+) -> None:
+    file = authority / OWNER_TOKEN
+    file.unlink()
+    if content is not None:
+        file.write_bytes(content.encode("latin-1"))
+    with pytest.raises(StoreError, match=words) as said:
+        check(services)
+    assert said.value.argument == "new_token"
+
+
+def test_a_new_token_is_asked_for(services: Services, authority: Path) -> None:
+    before = owner_token(services)
+    (authority / OWNER_TOKEN).unlink()
+    check(services, renews_token=True)
+    assert owner_token(services, renewed=True) != before
+    check(services)
+
+
+def test_a_signing_key_that_phones_do_not_trust(services: Services, authority: Path) -> None:
+    trusted = fingerprint(signing_key(authority))
+    (authority / SIGNING_KEY).unlink()
+    with pytest.raises(StoreError, match="is missing, and paired phones trust"):
+        check(services)
+    assert not (authority / SIGNING_KEY).exists()
+    assert fingerprint(signing_key(authority)) != trusted
+    with pytest.raises(StoreError, match=r"is another one, .* pair all phones again"):
+        check(services)
+
+
+def test_a_new_signing_key_is_asked_for(services: Services, authority: Path) -> None:
+    before = fingerprint(signing_key(authority))
+    check(services, renews_key=True)
+    trust_key(services, renewed=True)
+    assert fingerprint(signing_key(authority)) != before
+    check(services)
+
+
+def test_a_damaged_signing_key(services: Services, authority: Path) -> None:
+    (authority / SIGNING_KEY).write_bytes(b"nonsense")
+    with pytest.raises(StoreError, match="is no key"):
+        check(services)
+
+
+def connected(url: str) -> socket.socket:
+    parts = urlsplit(url)
+    return socket.create_connection((str(parts.hostname), parts.port or 0), timeout=20)
+
+
+@pytest.mark.parametrize(("limits", "after"), [((64, 700), 600), ((650, 700), 650)])
+def test_as_many_files_as_wanted_may_be_open(
+    monkeypatch: pytest.MonkeyPatch, limits: tuple[int, int], after: int
+) -> None:
+    told = [limits]
+    monkeypatch.setattr(resource, "getrlimit", lambda _: told[-1])
+    monkeypatch.setattr(resource, "setrlimit", lambda _, wanted: told.append(wanted))
+    allow_open_files(600)
+    assert told[-1] == (after, 700)
+
+
+def test_too_few_open_files_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (12, 12))
+    with pytest.raises(InputError, match=r"12 files at once, wanted 600 .* ulimit -n 600"):
+        allow_open_files(600)
+
+
+def test_one_address_has_a_share(start_server: Start) -> None:
+    server = start_server(speaks="https", address_connections=2)
+    with connected(server.url) as first, connected(server.url), connected(server.url):
+        assert first.recv(1) == b""
+
+
+def test_behind_a_proxy_all_come_from_one_address(start_server: Start) -> None:
+    server = start_server(address_connections=2, connections=3)
+    with connected(server.url) as first, connected(server.url), connected(server.url):
+        first.settimeout(20)
+        assert httpx.get(server.url + "api/version").is_success
+        assert first.recv(1) == b""

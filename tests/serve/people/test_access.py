@@ -9,10 +9,9 @@ from fastapi import FastAPI
 from starlette.testclient import TestClient
 
 from elfslam.serve.people.access import admit, new_token
-from elfslam.serve.people.rates import Rates
 from elfslam.serve.people.users import add_user
 from elfslam.serve.problems import Problem
-from elfslam.serve.services import Services
+from elfslam.serve.services import Rates, Services
 from elfslam.serve.store.database import looking
 
 BODIES = {"/api/find": {"wifi": {"04:33:89:79:fc:7c": -60}}}

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import socket
-from collections.abc import Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,11 +12,12 @@ import pytest
 from fastapi import FastAPI
 from starlette.datastructures import Headers
 from starlette.testclient import TestClient
+from starlette.types import Message
 
 from elfslam.serve.app import create_app
-from elfslam.serve.people.guards import ONLY_HTTPS, same_origin
-from elfslam.serve.people.rates import MOST_BUCKETS, Rates
-from elfslam.serve.services import open_services
+from elfslam.serve.people.guards import ONLY_HTTPS, Body, same_origin
+from elfslam.serve.problems import Problem
+from elfslam.serve.services import MOST_BUCKETS, Rates, open_services
 from elfslam.serve.settings import Limits, ServerSettings
 
 OWN_NAME = socket.gethostname().partition(".")[0]
@@ -44,25 +46,26 @@ def test_strangers_are_refused(app: FastAPI, settings: ServerSettings, tmp_path:
     )
 
 
-@pytest.mark.parametrize(
-    ("headers", "same"),
-    [
-        ({}, True),
-        ({"origin": "https://10.0.0.1:8443", "host": "10.0.0.1:8443"}, True),
-        ({"origin": "https://Floors.Example.org", "host": "floors.example.org"}, True),
-        ({"origin": "http://10.0.0.1:8443", "host": "10.0.0.1:8443"}, False),
-        ({"origin": "https://10.0.0.1:8444", "host": "10.0.0.1:8443"}, False),
-        ({"origin": "https://evil.example", "host": "10.0.0.1:8443"}, False),
-        ({"origin": "null", "host": "10.0.0.1:8443"}, False),
-        ({"origin": "", "host": ""}, False),
-        ({"origin": "https://", "host": ""}, False),
-        ({"origin": "https://[::1", "host": "x"}, False),
-        ({"sec-fetch-site": "cross-site"}, False),
-        ({"sec-fetch-site": "same-site"}, False),
-    ],
-)
-def test_whose_page_it_was(headers: dict[str, str], same: bool) -> None:
-    assert same_origin(Headers(headers), "https") is same
+OURS = [
+    {},
+    {"origin": "https://10.0.0.1:8443", "host": "10.0.0.1:8443"},
+    {"origin": "https://Floors.Example.org", "host": "floors.example.org"},
+]
+OF_OTHERS = [
+    *({"origin": each, "host": "10.0.0.1:8443"} for each in ("http://10.0.0.1:8443", "null")),
+    *(
+        {"origin": f"https://{each}", "host": "10.0.0.1:8443"}
+        for each in ("10.0.0.1:8444", "evil.a")
+    ),
+    *({"origin": each, "host": ""} for each in ("", "https://")),
+    {"origin": "https://[::1", "host": "x"},
+    *({"sec-fetch-site": each} for each in ("cross-site", "same-site")),
+]
+
+
+def test_whose_page_it_was() -> None:
+    assert all(same_origin(Headers(each), "https") for each in OURS)
+    assert not any(same_origin(Headers(each), "https") for each in OF_OTHERS)
 
 
 def test_other_sites_cannot_act(owner: TestClient) -> None:
@@ -80,51 +83,32 @@ def test_a_page_without_tls_cannot_act_on_one_with(owner: TestClient) -> None:
         assert made.status_code == status
 
 
-@pytest.mark.parametrize(
-    ("host", "status"),
-    [
-        ("127.0.0.1:8443", 200),
-        ("203.0.113.9", 200),
-        ("[2001:db8::1]:8443", 200),
-        ("localhost:1", 200),
-        ("LOCALHOST", 200),
-        (f"{OWN_NAME}.local:8443", 200),
-        ("floors.example.org", 200),
-        ("Floors.Example.org:443", 200),
-        ("evil.example", 421),
-        ("evil.floors.example.org", 421),
-        ("127.0.0.1.evil.example", 421),
-        ("localhost.evil.example:8443", 421),
-        ("[127.0.0.1", 421),
-        ("[evil.example]", 421),
-        ("", 421),
-    ],
+OUR_HOSTS = (
+    f"127.0.0.1:8443 203.0.113.9 [2001:db8::1]:8443 localhost:1 LOCALHOST {OWN_NAME}.local:8443"
 )
-def test_by_which_names_it_may_be_called(app_of_a_name: FastAPI, host: str, status: int) -> None:
+OUR_HOSTS += " floors.example.org Floors.Example.org:443"
+OTHER_HOSTS = (
+    "evil.example evil.floors.example.org 127.0.0.1.evil.example [127.0.0.1 [evil.example]"
+)
+
+
+def test_by_which_names_it_may_be_called(app_of_a_name: FastAPI) -> None:
     client = TestClient(app_of_a_name, client=("127.0.0.1", 1))
-    answer = client.get("/api/version", headers={"Host": host})
-    assert answer.status_code == status
-    if status == 421:
+    for host in OUR_HOSTS.split():
+        assert client.get("/api/version", headers={"Host": host}).status_code == 200, host
+    for host in ("", "localhost.evil.example:8443", *OTHER_HOSTS.split()):
+        answer = client.get("/api/version", headers={"Host": host})
+        assert answer.status_code == 421, host
         assert answer.headers["content-type"] == "application/problem+json"
         assert "--name" in answer.json()["detail"]
 
 
-@pytest.mark.parametrize(
-    ("url", "lasting"),
-    [
-        ("https://floors.example.org", True),
-        ("http://floors.example.org", False),
-        ("https://localhost", False),
-        (f"https://{OWN_NAME}.local", False),
-        ("https://127.0.0.1", False),
-    ],
-)
-def test_only_names_that_were_given_are_kept_to_https(
-    app_of_a_name: FastAPI, url: str, lasting: bool
-) -> None:
-    client = TestClient(app_of_a_name, client=("127.0.0.1", 1), base_url=url)
-    told = client.get("/api/version").headers.get("strict-transport-security")
-    assert told == (ONLY_HTTPS if lasting else None)
+def test_only_names_that_were_given_are_kept_to_https(app_of_a_name: FastAPI) -> None:
+    given, own = "floors.example.org", ("localhost", f"{OWN_NAME}.local", "127.0.0.1")
+    for url in (f"https://{given}", f"http://{given}", *(f"https://{each}" for each in own)):
+        client = TestClient(app_of_a_name, client=("127.0.0.1", 1), base_url=url)
+        told = client.get("/api/version").headers.get("strict-transport-security")
+        assert told == (ONLY_HTTPS if url == f"https://{given}" else None)
 
 
 def test_every_answer_is_guarded(anyone: TestClient) -> None:
@@ -138,17 +122,12 @@ def test_every_answer_is_guarded(anyone: TestClient) -> None:
         assert "geolocation=(self)" in headers["permissions-policy"]
 
 
-@pytest.mark.parametrize(("path", "status"), [("/api/nowhere", 404), ("/nowhere.js", 404)])
-def test_what_is_not_there_is_a_problem(anyone: TestClient, path: str, status: int) -> None:
-    answer = anyone.get(path)
-    assert answer.status_code == status
-    assert answer.headers["content-type"] == "application/problem+json"
-
-
-def test_a_wrong_method_is_said(anyone: TestClient) -> None:
-    answer = anyone.put("/api/version")
-    assert answer.status_code == 405
-    assert answer.headers["content-type"] == "application/problem+json"
+def test_what_is_not_there_is_a_problem(anyone: TestClient) -> None:
+    there_is_none = [anyone.get("/api/nowhere"), anyone.get("/nowhere.js")]
+    answers = [*there_is_none, anyone.put("/api/version")]
+    assert [answer.status_code for answer in answers] == [404, 404, 405]
+    for answer in answers:
+        assert answer.headers["content-type"] == "application/problem+json"
 
 
 @pytest.mark.parametrize("path", ["/../settings.py", "/%2e%2e/settings.py", "/..%2fsettings.py"])
@@ -225,3 +204,79 @@ def test_wrong_tokens(anyone: TestClient) -> None:
         header = {"Authorization": f"Bearer {token}".encode()}
         assert anyone.get("/api/me", headers=header).status_code == 401  # type: ignore[arg-type]
     assert anyone.get("/api/me", headers={"Authorization": "Basic eDp5"}).status_code == 401
+
+
+SILENCE_S, PACE = 0.2, 1000.0
+GONE = {"type": "http.disconnect"}
+
+
+def piece(size: int, *, more: bool = True) -> Message:
+    return {"type": "http.request", "body": bytes(size), "more_body": more}
+
+
+def sending(pieces: Iterator[Message], pause_s: float) -> Callable[[], Awaitable[Message]]:
+    """A client that pauses before every piece, and says nothing after the last."""
+
+    async def receive() -> Message:
+        await asyncio.sleep(pause_s)
+        for each in pieces:
+            return each
+        await asyncio.Event().wait()
+        raise AssertionError
+
+    return receive
+
+
+def came(pieces: list[Message], pause_s: float, most_bytes: int = 10_000) -> int:
+    """How many messages are received until the body or the connection ends. Raises Problem."""
+    body = Body(sending(iter(pieces), pause_s), most_bytes, SILENCE_S, PACE)
+
+    async def receive_all() -> int:
+        for count in range(1, 1000):
+            message = await body.receive()
+            if not message.get("more_body", False):
+                return count
+        raise AssertionError
+
+    return asyncio.run(receive_all())
+
+
+def refusal(pieces: list[Message], pause_s: float, most_bytes: int = 10_000) -> Problem:
+    with pytest.raises(Problem) as refused:
+        came(pieces, pause_s, most_bytes)
+    return refused.value
+
+
+def test_silence_is_refused() -> None:
+    told = refusal([piece(5000)], 0)
+    assert told.status_code == 408
+    assert told.headers == {"Connection": "close"}
+    assert "go on from the offset" in told.detail
+
+
+def test_dripping_is_refused_though_no_pause_is_long() -> None:
+    pieces = [*[piece(1)] * 20, piece(0, more=False)]
+    assert refusal(pieces, SILENCE_S / 8).status_code == 408
+
+
+def test_what_keeps_the_pace_may_take_long() -> None:
+    """Twice as fast as it must be, for twice as long as silence may last."""
+    pause_s = SILENCE_S / 10
+    pieces = [piece(round(2 * PACE * pause_s))] * 20
+    assert came([*pieces, piece(0, more=False)], pause_s) == 21
+
+
+def test_the_end_of_a_connection_is_waited_for() -> None:
+    pieces = iter([piece(1, more=False), GONE])
+    body = Body(sending(pieces, 0.75 * SILENCE_S), 10, SILENCE_S, PACE)
+
+    async def whole_then_gone() -> list[Message]:
+        first = await body.receive()
+        return [first, await asyncio.wait_for(body.receive(), 30)]
+
+    assert asyncio.run(whole_then_gone()) == [piece(1, more=False), GONE]
+
+
+def test_too_much_is_refused_as_it_comes() -> None:
+    assert refusal([piece(60), piece(41)], 0, most_bytes=100).status_code == 413
+    assert came([piece(60), piece(40, more=False)], 0, most_bytes=100) == 2

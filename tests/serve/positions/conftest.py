@@ -19,7 +19,8 @@ from starlette.testclient import TestClient
 
 from elfslam.serve.positions.values import LivePosition
 from elfslam.serve.services import Services
-from elfslam.serve.store.database import Map, User, now_utc, transaction
+from elfslam.serve.store.database import transaction
+from elfslam.serve.store.tables import Map, User, now_utc
 from studies.benchmarks.served import free_port
 from tests.waiting import until
 

@@ -3,23 +3,45 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
-from collections.abc import Callable, Mapping
+import re
+import ssl
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import timedelta
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 from typing import Any
 
 import pytest
+import trustme
 from starlette.testclient import TestClient
 
 from elfslam.base.errors import InputError
-from elfslam.serve.positions.delivery import DeliveryError
-from elfslam.serve.positions.outboxes import MOST_WAITING, Outboxes
-from elfslam.serve.positions.signature import SIGNATURE, TIMESTAMP, digest
-from elfslam.serve.positions.targets import Target
 from elfslam.serve.positions.values import LivePosition
-from elfslam.serve.positions.webhooks import MOST_AT_ONCE, PAUSES_S, Hook, WebhookDispatcher
+from elfslam.serve.positions.webhooks import (
+    MOST_AT_ONCE,
+    MOST_WAITING,
+    PAUSES_S,
+    SIGNATURE,
+    TIMESTAMP,
+    DeliveryError,
+    Hook,
+    Outboxes,
+    Target,
+    WebhookDispatcher,
+    address_of,
+    digest,
+    is_public,
+    post,
+    signed_headers,
+    target_of,
+)
 from elfslam.serve.settings import ServerSettings
+from studies.benchmarks.served import free_port
 from tests.serve.positions.conftest import Receiver
 from tests.waiting import until
 
@@ -280,3 +302,231 @@ class TestTheWholeWay:
         owner.post("/api/positions", json=message())
         until(lambda: owner.get(hooks).json()[0]["last_error"] == "answered 410", "the error")
         assert owner.get(hooks).json()[0]["dropped"] == 1
+
+
+PUBLIC = ["93.184.216.34", "2606:2800:220:1:248:1893:25c8:1946", "::ffff:93.184.216.34"]
+HIDDEN = [
+    "127.0.0.1", "127.1.2.3", "0.0.0.0", "10.0.0.1", "172.16.0.1", "192.168.1.1", "169.254.169.254",
+    "100.64.0.1", "224.0.0.1", "240.0.0.1", "255.255.255.255", "::1", "::", "fe80::1", "fc00::1",
+    "ff02::1", "::ffff:127.0.0.1", "::ffff:10.0.0.1", "64:ff9b::7f00:1", "64:ff9b::a00:1",
+    "2002:7f00:1::", "2002:a00:1::", "fe80::1%eth0", "no address",
+]  # fmt: skip
+
+
+def test_the_internet_is_public_and_no_network_of_ones_own() -> None:
+    assert [address for address in PUBLIC if not is_public(address)] == []
+    assert [address for address in HIDDEN if is_public(address)] == []
+
+
+def test_a_url_comes_apart() -> None:
+    target = target_of("https://hooks.example.org:8443/a/b?c=d")
+    assert (target.is_secure, target.host, target.port) == (True, "hooks.example.org", 8443)
+    assert (target.path, target.authority) == ("/a/b?c=d", "hooks.example.org:8443")
+    assert target_of("http://[2606:2800::1]").authority == "[2606:2800::1]"
+    assert (target_of("http://h").port, target_of("http://h").path) == (80, "/")
+
+
+NO_URLS = (
+    "hooks.example.org //hooks.example.org/ file:///etc/passwd gopher://h/ http:// http://user@h/"
+)
+NO_URLS += " http://user:word@h/ http://h/#part http://h:0/ http://h:99999/ http://[::1 http://hö/"
+NO_URLS += " http://[fe80::1%25eth0]/"
+
+
+@pytest.mark.parametrize("url", ["", "http://h/a b", "http://h/\r\nX: y", *NO_URLS.split()])
+def test_what_is_no_plain_url_is_refused(url: str) -> None:
+    with pytest.raises(InputError, match="wanted http"):
+        target_of(url)
+
+
+def test_one_hidden_address_among_public_ones_is_refused() -> None:
+    target = target_of("http://h/")
+    mixed = ["93.184.216.34", "127.0.0.1"]
+    with pytest.raises(InputError, match=r"leads to 127\.0\.0\.1"):
+        address_of(target, allow_local=False, resolve=lambda *_: mixed)
+    assert address_of(target, allow_local=True, resolve=lambda *_: mixed) == mixed[0]
+    assert address_of(target, allow_local=False, resolve=lambda *_: mixed[:1]) == mixed[0]
+
+
+def test_numbers_are_addresses_whatever_their_form() -> None:
+    for host in ("2130706433", "0x7f000001", "0177.0.0.1", "127.1", "localhost"):
+        with pytest.raises(InputError):
+            address_of(target_of(f"http://{host}/"), allow_local=False)
+
+
+def test_a_name_that_leads_nowhere_is_said() -> None:
+    def nothing(_host: str, _port: int) -> list[str]:
+        raise OSError(8, "Name or service not known")
+
+    with pytest.raises(InputError, match=r"is not found \(Name or service not known\)"):
+        address_of(target_of("http://h/"), allow_local=True, resolve=nothing)
+    with pytest.raises(InputError, match="leads to nowhere"):
+        address_of(target_of("http://h/"), allow_local=True, resolve=lambda *_: [])
+
+
+def test_it_is_what_openssl_computes() -> None:
+    # printf '1700000000.{"a":1}' | openssl dgst -sha256 -hmac key
+    wanted = "a438e398bfafc57e4396bb7fc2304422f0f768e965d073ca313cb52e22e6ad03"
+    headers = signed_headers("key", 1_700_000_000, b'{"a":1}')
+    assert headers == {TIMESTAMP: "1700000000", SIGNATURE: f"sha256={wanted}"}
+
+
+def test_time_body_and_secret_all_count() -> None:
+    found = {
+        digest(secret, time_s, body)
+        for secret in ("one", "two")
+        for time_s in (1, 11)
+        for body in (b"", b"1.", b".1")
+    }
+    assert len(found) == 12
+
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def send(target: Target, body: bytes = b"{}", **more: Any) -> None:
+    asyncio.run(post(target, "127.0.0.1", body, {"X-Told": "yes"}, **more))
+
+
+def elsewhere(receiver: Receiver) -> Target:
+    """A name that no name server knows, at the receiver's port."""
+    return target_of(receiver.url.replace("127.0.0.1", "hooks.invalid"))
+
+
+def test_the_pinned_address_is_asked_by_the_name(receiver: Receiver) -> None:
+    target = elsewhere(receiver)
+    send(target, b'{"a":1}')
+    [(path, headers, body)] = receiver.got
+    assert (path, body) == ("/positions", b'{"a":1}')
+    assert (headers["Host"], headers["X-Told"]) == (f"hooks.invalid:{target.port}", "yes")
+    assert headers["Content-Type"] == "application/json"
+    assert headers["User-Agent"].startswith("elfslam/")
+
+
+@pytest.mark.parametrize(
+    ("status", "is_final"),
+    [(302, True), (400, True), (410, True), (408, False), (429, False), (503, False)],
+)
+def test_what_is_no_success_is_told(receiver: Receiver, status: int, is_final: bool) -> None:
+    receiver.statuses.append(status)
+    with pytest.raises(DeliveryError, match=f"answered {status}") as refused:
+        send(elsewhere(receiver))
+    assert refused.value.is_final is is_final
+    assert len(receiver.got) == 1
+
+
+def test_nobody_there_is_told() -> None:
+    with pytest.raises(DeliveryError, match="cannot be reached") as refused:
+        send(target_of(f"http://127.0.0.1:{free_port()}/"))
+    assert not refused.value.is_final
+
+
+async def closed(writers: list[asyncio.StreamWriter]) -> None:
+    """Once these are closed."""
+    for writer in writers:
+        writer.close()
+        with contextlib.suppress(OSError):
+            await writer.wait_closed()
+
+
+async def answering(content: bytes, *, then_waits: bool) -> None:
+    """Post to a server that sends this and no more."""
+
+    async def answer(_reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.write(content)
+        await writer.drain()
+        writers.append(writer)
+        if not then_waits:
+            writer.close()
+
+    writers: list[asyncio.StreamWriter] = []
+    server = await asyncio.start_server(answer, "127.0.0.1", 0)
+    port = server.sockets[0].getsockname()[1]
+    try:
+        target = target_of(f"http://127.0.0.1:{port}/")
+        await post(target, "127.0.0.1", b"{}", {}, timeout_s=0.2 if then_waits else 60)
+    finally:
+        server.close()
+        await closed(writers)
+
+
+def test_who_says_nothing_is_left_in_time() -> None:
+    with pytest.raises(DeliveryError, match=r"did not answer in 0\.2 s"):
+        asyncio.run(answering(b"HTTP/1.1 200 O", then_waits=True))
+
+
+@pytest.mark.parametrize("content", [b"", b"HTTP/1.1 2", b"SSH-2.0-OpenSSH\r\n\r\n"])
+def test_who_speaks_no_http_is_told(content: bytes) -> None:
+    with pytest.raises(DeliveryError, match=r"cannot be reached|without an answer"):
+        asyncio.run(answering(content, then_waits=False))
+
+
+def test_an_endless_head_is_not_read_to_its_end() -> None:
+    with pytest.raises(DeliveryError, match="cannot be reached"):
+        asyncio.run(answering(b"HTTP/1.1 200 OK\r\n" + b"X: y\r\n" * 100_000, then_waits=False))
+
+
+def tls_server(name: str) -> tuple[trustme.CA, ssl.SSLContext]:
+    authority, context = trustme.CA(), ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    authority.issue_cert(name).configure_cert(context)
+    return authority, context
+
+
+async def posted_over_tls(name: str, *, trusted: bool) -> None:
+    authority, context = tls_server(name)
+
+    async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await reader.readuntil(b"\r\n\r\n")
+        writer.write(b"HTTP/1.1 204 No Content\r\n\r\n")
+        await writer.drain()
+        writers.append(writer)
+
+    writers: list[asyncio.StreamWriter] = []
+    server = await asyncio.start_server(answer, "127.0.0.1", 0, ssl=context)
+    port, tls = server.sockets[0].getsockname()[1], ssl.create_default_context()
+    if trusted:
+        authority.configure_trust(tls)
+    try:
+        target = target_of(f"https://hooks.invalid:{port}/")
+        await post(target, "127.0.0.1", b"{}", {}, tls=tls)
+    finally:
+        server.close()
+        await closed(writers)
+
+
+def test_over_tls_the_name_is_verified_not_the_address() -> None:
+    asyncio.run(posted_over_tls("hooks.invalid", trusted=True))
+    with pytest.raises(DeliveryError, match="cannot be reached"):
+        asyncio.run(posted_over_tls("other.invalid", trusted=True))
+    with pytest.raises(DeliveryError, match="cannot be reached"):
+        asyncio.run(posted_over_tls("hooks.invalid", trusted=False))
+
+
+def test_the_receiver_of_the_documentation_checks_what_we_sign() -> None:
+    page = (ROOT / "docs" / "how-to" / "positions.md").read_text(encoding="utf-8")
+    [code] = re.findall(r"^```python\n(.*?)^```", page, re.S | re.M)
+    made: dict[str, Any] = {}
+    exec(code.rpartition("HTTPServer(")[0], made)  # its class, without the server on port 8000
+    made["Receiver"].log_message = lambda *_: None
+    body, now_s = b'{"a":1}', int(time.time())
+    with serving(made["Receiver"]) as target:
+        for secret, sent_s, is_good in (
+            ("SECRET", now_s, True),
+            ("OTHER", now_s, False),
+            ("SECRET", now_s - 1000, False),
+        ):
+            told = post(target, "127.0.0.1", body, signed_headers(secret, sent_s, body))
+            with contextlib.nullcontext() if is_good else pytest.raises(DeliveryError, match="403"):
+                asyncio.run(told)
+
+
+@contextlib.contextmanager
+def serving(handler: type[BaseHTTPRequestHandler]) -> Iterator[Target]:
+    """A server of requests, as a target."""
+    server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
+    thread = threading.Thread(target=server.serve_forever, args=(0.02,))
+    thread.start()
+    yield target_of(f"http://127.0.0.1:{server.server_port}/")
+    server.shutdown()
+    thread.join()
+    server.server_close()

@@ -17,8 +17,7 @@ from elfslam.serve.parsing.children import Children
 from elfslam.serve.people.access import new_token
 from elfslam.serve.people.users import set_owner_token
 from elfslam.serve.problems import Problem
-from elfslam.serve.receiving import reading
-from elfslam.serve.receiving.reading import read_apart
+from elfslam.serve.receiving.reader import read_apart
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import Limits, ServerSettings
 
@@ -127,7 +126,7 @@ def test_reading_has_an_end(tmp_path: Path) -> None:
 
 
 def test_a_reader_that_dies_is_no_refusal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reading, "READER", "elfslam.no_such_reader")
+    monkeypatch.setattr("elfslam.serve.receiving.reader.READER", "elfslam.no_such_reader")
     with pytest.raises(Problem) as refused:
         read_apart(Children(), tmp_path, Limits())
     assert refused.value.status_code == 503

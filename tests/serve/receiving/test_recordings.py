@@ -6,7 +6,7 @@ import base64
 import hashlib
 import io
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +19,11 @@ from starlette.testclient import TestClient
 from elfslam.data.recordings import read_recording
 from elfslam.serve.problems import Problem
 from elfslam.serve.receiving.completing import PendingRecording, ReceivedFile, keep
-from elfslam.serve.receiving.reading import ReadFolder
+from elfslam.serve.receiving.reader import ReadFolder
 from elfslam.serve.services import Services
 from elfslam.serve.store.blobs import blob_of
-from elfslam.serve.store.database import Job, reading
+from elfslam.serve.store.database import reading, transaction
+from elfslam.serve.store.tables import Job, JobKind, Map
 
 TUS = {"Tus-Resumable": "1.0.0"}
 PIECE = {**TUS, "Content-Type": "application/offset+octet-stream"}
@@ -34,8 +35,8 @@ def coded(text: str) -> str:
     return base64.b64encode(text.encode()).decode()
 
 
-def begun(client: TestClient, **more: Any) -> str:
-    answer = client.post("/api/recordings", json={"name": "walk", **more})
+def begun(client: TestClient, name: str = "walk", **more: Any) -> str:
+    answer = client.post("/api/recordings", json={"name": name, **more})
     assert answer.status_code == 201
     assert answer.json()["state"] == "receiving"
     return str(answer.json()["id"])
@@ -275,9 +276,7 @@ def test_a_zip_whose_recording_was_not_made_before_a_kill(
 
 
 @BOTH
-def test_a_recording_deleted_while_it_is_kept_leaves_nothing(
-    services: Services,
-) -> None:
+def test_a_recording_deleted_while_it_is_kept_leaves_nothing(services: Services) -> None:
     path = services.settings.uploads_folder / "x"
     path.write_bytes(b"x")
 
@@ -288,3 +287,115 @@ def test_a_recording_deleted_while_it_is_kept_leaves_nothing(
     with pytest.raises(Problem):
         keep(services, [PendingRecording([come], ReadFolder(), gone)], wants_map=True)
     assert blobs_of(services) == []
+
+
+DATABASES = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
+
+
+def test_a_recording_is_renamed(owner: TestClient, guest: TestClient) -> None:
+    name = begun(owner)
+    address = f"/api/recordings/{name}"
+    assert owner.patch(address, json={"name": " Flur "}).json()["name"] == "Flur"
+    assert guest.patch(address, json={"name": "mine"}).status_code == 404
+    for wrong in ({"name": ""}, {"name": None}, {}, {"name": "a\u0000b"}):
+        assert owner.patch(address, json=wrong).status_code == 422
+    assert owner.get(address).json()["name"] == "Flur"
+
+
+@DATABASES
+def test_many_recordings_are_deleted_at_once_with_what_came_of_them_alone(
+    owner: TestClient, guest: TestClient, services: Services, put_map: Callable[..., str]
+) -> None:
+    mine, theirs = [begun(owner, f"walk {k}") for k in range(4)], begun(guest)
+    alone = put_map(owner, "alone", sources=mine[:1])
+    both = put_map(owner, "both", sources=mine[1:3])
+    more = put_map(owner, "more", sources=mine[2:])
+    with transaction(services.sessions) as session:
+        user_id = owner.get("/api/me").json()["id"]
+        for each in mine:
+            session.add(Job(user_id=user_id, kind=JobKind.MAP, given={"recording": each}))
+    sent = {"ids": [*mine[:3], theirs, "0" * 32]}
+    assert owner.post("/api/recordings/delete", json=sent).json() == {"count": 3}
+    assert [each["id"] for each in owner.get("/api/recordings").json()] == [mine[3]]
+    assert [each["id"] for each in guest.get("/api/recordings").json()] == [theirs]
+    with reading(services.sessions) as session:
+        kept = {row.id: row.sources for row in session.scalars(select(Map))}
+        jobs = [job.given["recording"] for job in session.scalars(select(Job))]
+    assert kept == {more: mine[3:]}
+    assert jobs == mine[3:]
+    assert {alone, both}.isdisjoint(kept)
+
+
+@pytest.fixture
+def kept(owner: TestClient, walk_files: dict[str, bytes]) -> str:
+    """The address of a small recording with sound and motion."""
+    return sent(owner, walk_files)
+
+
+def sent(client: TestClient, files: dict[str, bytes]) -> str:
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w") as archive:
+        for name, data in files.items():
+            archive.writestr(name, data)
+    pairs = {"filename": b"walk.zip", "map": b"false"}
+    told = ",".join(f"{name} {base64.b64encode(text).decode()}" for name, text in pairs.items())
+    headers = {**PIECE, "Upload-Metadata": told, "Upload-Length": str(len(content.getvalue()))}
+    made = client.post("/api/uploads", headers=headers, content=content.getvalue())
+    return f"/api/recordings/{made.headers['elfslam-recording']}"
+
+
+def test_curves_and_rates_are_told(owner: TestClient, kept: str) -> None:
+    answer = owner.get(f"{kept}/sensors")
+    assert answer.status_code == 200
+    told = answer.json()
+    assert [each["name"] for each in told["sensors"]] == ["audio", "imu"]
+    assert told["sensors"][1]["rate_hz"] == 50.0
+    assert {"acceleration", "sound level"} <= {each["name"] for each in told["curves"]}
+
+
+def test_what_did_not_change_is_not_read_again(
+    owner: TestClient, kept: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tag = owner.get(f"{kept}/sensors").headers["etag"]
+    monkeypatch.setattr("elfslam.serve.receiving.recordings.READER", "elfslam.no_such_reader")
+    again = owner.get(f"{kept}/sensors", headers={"If-None-Match": tag})
+    assert (again.status_code, again.content, again.headers["etag"]) == (304, b"", tag)
+    assert owner.get(f"{kept}/sensors").status_code == 503
+
+
+def test_each_file_comes_as_it_was(
+    owner: TestClient, kept: str, walk_files: dict[str, bytes]
+) -> None:
+    for name, data in walk_files.items():
+        answer = owner.get(f"{kept}/files/{name}")
+        assert (answer.status_code, answer.content) == (200, data)
+        assert "attachment" in answer.headers["content-disposition"]
+    assert answer.headers["x-content-type-options"] == "nosniff"
+    table = owner.get(f"{kept}/files/accelerometer.csv")
+    assert table.headers["content-type"].startswith("text/csv")
+
+
+@pytest.mark.parametrize("name", ["wifi.csv", "..%2Faudio.flac", "recording.json%00", "x" * 300])
+def test_what_is_no_file_of_it_is_not_found(owner: TestClient, kept: str, name: str) -> None:
+    assert owner.get(f"{kept}/files/{name}").status_code == 404
+
+
+def test_nobody_else_sees_any_of_it(guest: TestClient, kept: str) -> None:
+    assert guest.get(f"{kept}/sensors").status_code == 404
+    assert guest.get(f"{kept}/files/accelerometer.csv").status_code == 404
+
+
+def test_what_is_not_there_yet_or_was_refused_says_so(
+    owner: TestClient, services: Services, walk_files: dict[str, bytes]
+) -> None:
+    begun = owner.post("/api/recordings", json={"name": "walk"}).json()["id"]
+    assert owner.get(f"/api/recordings/{begun}/sensors").status_code == 409
+    nothing = sent(owner, {"notes.txt": b"hello"})
+    answer = owner.get(f"{nothing}/sensors")
+    assert answer.status_code == 409
+    assert "of no known log" in answer.json()["detail"]
+    damaged = sent(owner, {**walk_files, "gyroscope.csv": b"t_s,x,y,z\n0,1,2,what\n"})
+    answer = owner.get(f"{damaged}/sensors")
+    assert answer.status_code == 409
+    assert answer.json()["detail"].startswith("gyroscope.csv: row 2")
+    assert list(services.settings.work_folder.iterdir()) == []

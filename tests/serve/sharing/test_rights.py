@@ -16,9 +16,9 @@ from elfslam.serve.jobs import queue
 from elfslam.serve.jobs.tasks import lay_out
 from elfslam.serve.services import Services
 from elfslam.serve.sharing.rights import WITHDRAWN, Principal, Right, right_to
-from elfslam.serve.sharing.tables import MapLink, MapShare
-from elfslam.serve.store.database import Map, Recording, RecordingState, transaction
+from elfslam.serve.store.database import transaction
 from elfslam.serve.store.quota import delete_user
+from elfslam.serve.store.tables import Map, MapLink, MapShare, Recording, RecordingState
 
 LetIn = Callable[[str], TestClient]
 PutMap = Callable[..., str]

@@ -11,25 +11,22 @@ import pytest
 from sqlalchemy import Engine, delete, func, select, update
 from sqlalchemy.exc import IntegrityError, OperationalError
 
+from elfslam.base.errors import InputError, StoreError
 from elfslam.serve.problems import is_locked
 from elfslam.serve.store import database
-from elfslam.serve.store.database import (
+from elfslam.serve.store.database import Sessions, open_database, reading, sessions_of, transaction
+from elfslam.serve.store.schema import upgrade
+from elfslam.serve.store.tables import (
     Job,
     JobState,
     Recording,
     RecordingFile,
-    Sessions,
     Upload,
     User,
     now_utc,
-    open_database,
-    reading,
-    sessions_of,
-    transaction,
 )
-from elfslam.serve.store.schema import upgrade
 
-pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
+DATABASES = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
 WRITERS, ROUNDS = 6, 15
 
 
@@ -53,6 +50,7 @@ def added_user(sessions: Sessions, token: str = "t") -> str:
     return user.id
 
 
+@DATABASES
 def test_times_come_back_in_utc(sessions: Sessions) -> None:
     added = added_user(sessions)
     with reading(sessions) as session:
@@ -63,6 +61,7 @@ def test_times_come_back_in_utc(sessions: Sessions) -> None:
     assert abs(user.created_utc - now_utc()) < timedelta(minutes=1)
 
 
+@DATABASES
 def test_a_user_takes_everything_along(sessions: Sessions) -> None:
     user = added_user(sessions)
     with transaction(sessions) as session:
@@ -91,6 +90,7 @@ def add_and_fail(sessions: Sessions) -> None:
         raise RuntimeError("too late")
 
 
+@DATABASES
 def test_what_fails_is_undone_whole(sessions: Sessions) -> None:
     added_user(sessions, "same")
     with pytest.raises(IntegrityError):
@@ -101,11 +101,13 @@ def test_what_fails_is_undone_whole(sessions: Sessions) -> None:
         assert session.scalar(select(func.count()).select_from(User)) == 1
 
 
+@DATABASES
 def test_nobody_writes_for_a_user_who_is_gone(sessions: Sessions) -> None:
     with pytest.raises(IntegrityError), transaction(sessions) as session:
         session.add(Recording(user_id="0" * 32, name="walk"))
 
 
+@DATABASES
 def test_writers_wait_for_each_other(sessions: Sessions) -> None:
     """Each reads a number and writes the next: none is lost, and nobody fails."""
     user, failed = added_user(sessions), []
@@ -137,6 +139,7 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(database, "WAIT_S", 0.1)
 
 
+@DATABASES
 def test_who_waits_for_another_program_is_told_in_time(impatient: None, engine: Engine) -> None:
     added_user(sessions_of(engine))
     with transaction(sessions_of(engine)) as session:  # turns are taken within a process
@@ -149,6 +152,7 @@ def test_who_waits_for_another_program_is_told_in_time(impatient: None, engine: 
         assert session.scalar(select(User.name)) == "taken"
 
 
+@DATABASES
 def test_who_waits_for_their_turn_is_told_in_time(impatient: None, engine: Engine) -> None:
     added_user(sessions_of(engine))
     sessions = sessions_of(engine)
@@ -159,6 +163,7 @@ def test_who_waits_for_their_turn_is_told_in_time(impatient: None, engine: Engin
     assert is_locked(refused.value)
 
 
+@DATABASES
 def test_a_reader_does_not_wait_for_a_writer(sessions: Sessions) -> None:
     added_user(sessions)
     with transaction(sessions) as writing:
@@ -168,9 +173,29 @@ def test_a_reader_does_not_wait_for_a_writer(sessions: Sessions) -> None:
             assert session.scalar(select(func.count()).select_from(User)) == 1
 
 
+@DATABASES
 def test_a_database_is_opened_again(engine: Engine, sessions: Sessions) -> None:
     added = added_user(sessions)
     again = open_database(engine.url.render_as_string(hide_password=False))
     with reading(sessions_of(again)) as session:
         assert session.get(User, added) is not None
     again.dispose()
+
+
+@pytest.mark.parametrize(
+    ("url", "error", "words"),
+    [
+        ("nonsense", InputError, "database nonsense"),
+        ("postgresql//u:secret@host/x", InputError, "wanted such as"),
+        ("postgresql+psycopg//u:secret@host/x", InputError, "wanted such as"),
+        ("postgresql://u:secret@host:port/x", InputError, "wanted such as"),
+        ("oracle9://x", InputError, "wanted such as"),
+        ("sqlite:////nowhere/at/all.sqlite", StoreError, "cannot be read"),
+        ("postgresql+psycopg://u:secret@/x?host=/nowhere", StoreError, "cannot be read"),
+    ],
+)
+def test_a_database_that_is_none(url: str, error: type[Exception], words: str) -> None:
+    with pytest.raises(error, match=words) as refused:
+        open_database(url)
+    assert "secret" not in str(refused.value)
+    assert "\n" not in str(refused.value)

@@ -14,10 +14,11 @@ from sqlalchemy import select
 from elfslam.base.errors import StoreError
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
-from elfslam.serve.store.database import Sessions, Store, open_database, sessions_of, transaction
+from elfslam.serve.store.database import Sessions, open_database, sessions_of, transaction
 from elfslam.serve.store.holding import (
     LISTEN_S,
     LOOK_S,
+    STORE,
     Held,
     free_to_take,
     holder_of,
@@ -25,8 +26,8 @@ from elfslam.serve.store.holding import (
     read_held,
     take,
 )
-from elfslam.serve.store.identity import STORE
 from elfslam.serve.store.opening import alone_with, open_store
+from elfslam.serve.store.tables import Store
 
 pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
 ELSEWHERE = {"host": "elsewhere", "folder": "/srv/data", "inode": "1:1"}

@@ -20,9 +20,10 @@ from elfslam.serve.people.users import set_owner_token
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.blobs import put
-from elfslam.serve.store.database import Job, Map, Recording, RecordingFile, Upload, transaction
-from elfslam.serve.store.identity import files_of
+from elfslam.serve.store.database import transaction
+from elfslam.serve.store.holding import files_of
 from elfslam.serve.store.opening import alone_with
+from elfslam.serve.store.tables import Job, Map, Recording, RecordingFile, Upload
 
 pytestmark = pytest.mark.hostile
 CASES = int(os.environ.get("HOSTILE_CASES", "200"))

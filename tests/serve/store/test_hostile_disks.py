@@ -12,8 +12,9 @@ import pytest
 from elfslam.base.errors import StoreError
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
-from elfslam.serve.store.database import User, reading
+from elfslam.serve.store.database import reading
 from elfslam.serve.store.opening import alone_with
+from elfslam.serve.store.tables import User
 from tests.disks import mounted
 
 pytestmark = pytest.mark.hostile

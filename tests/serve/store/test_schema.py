@@ -13,14 +13,7 @@ from sqlalchemy import Engine, create_engine, inspect, text
 from sqlalchemy.engine import Connection
 
 from elfslam.base.errors import StoreError
-from elfslam.serve.store.database import (
-    Base,
-    Recording,
-    User,
-    open_database,
-    reading,
-    sessions_of,
-)
+from elfslam.serve.store.database import open_database, reading, sessions_of
 from elfslam.serve.store.schema import (
     VERSION_TABLE,
     State,
@@ -29,6 +22,7 @@ from elfslam.serve.store.schema import (
     upgrade,
     version_of,
 )
+from elfslam.serve.store.tables import Base, Recording, User
 
 pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
 RELEASED = Path(__file__).parent / "released"

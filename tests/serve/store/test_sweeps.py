@@ -15,11 +15,24 @@ from starlette.testclient import TestClient
 from elfslam.serve.jobs.queue import queue_job
 from elfslam.serve.services import Services
 from elfslam.serve.store import blobs
-from elfslam.serve.store.blobs import Blob, put
-from elfslam.serve.store.database import JobFile, JobKind, User, transaction
-from elfslam.serve.store.sweeps import expire, tidy
+from elfslam.serve.store.blobs import Blob, blob_path, put
+from elfslam.serve.store.database import transaction
+from elfslam.serve.store.sweeps import (
+    AGES,
+    Age,
+    expire,
+    grown,
+    older_than,
+    put_back,
+    read_ages,
+    set_aside,
+    tidy,
+    unnamed_blobs,
+    write_ages,
+)
+from elfslam.serve.store.tables import JobFile, JobKind, User
 
-pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
+DATABASES = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
 
 TUS = {"Tus-Resumable": "1.0.0"}
 DAY_S = 86_400.0
@@ -46,6 +59,7 @@ def aside(services: Services) -> set[str]:
     return {file.name for file in services.settings.quarantine_folder.iterdir()}
 
 
+@DATABASES
 def test_leftovers_of_a_kill_are_set_aside_and_uploads_stay(
     owner: TestClient, services: Services, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -63,6 +77,7 @@ def test_leftovers_of_a_kill_are_set_aside_and_uploads_stay(
     assert "3 files that nobody names were set aside" in caplog.text
 
 
+@DATABASES
 def test_what_is_named_again_is_put_back(owner: TestClient, services: Services) -> None:
     blob = unnamed(services)
     tidy(services)
@@ -84,6 +99,7 @@ def _job_that_names(services: Services, blob: Blob) -> str:
         return job.id
 
 
+@DATABASES
 def test_what_is_named_and_gone_is_said(
     owner: TestClient, services: Services, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -94,6 +110,7 @@ def test_what_is_named_and_gone_is_said(
     assert "1 files that recordings and maps name are missing" in caplog.text
 
 
+@DATABASES
 def test_a_quarantine_ends_after_its_days_of_running(owner: TestClient, services: Services) -> None:
     unnamed(services)
     tidy(services)
@@ -105,6 +122,7 @@ def test_a_quarantine_ends_after_its_days_of_running(owner: TestClient, services
     assert aside(services) == set()
 
 
+@DATABASES
 def test_abandoned_uploads_expire_by_the_time_that_the_server_ran(
     owner: TestClient, services: Services
 ) -> None:
@@ -119,6 +137,7 @@ def test_abandoned_uploads_expire_by_the_time_that_the_server_ran(
     assert owner.head(f"/api/uploads/{kept}", headers=TUS).status_code == 200
 
 
+@DATABASES
 def test_a_clock_that_is_set_forward_makes_nothing_old(
     owner: TestClient, services: Services, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -135,3 +154,44 @@ def test_a_clock_that_is_set_forward_makes_nothing_old(
 
 def _files(services: Services) -> list[Path]:
     return list(services.settings.quarantine_folder.iterdir())
+
+
+def test_ages_grow_begin_anew_and_go() -> None:
+    before = {"same": Age(3, 10.0), "grew": Age(3, 10.0), "gone": Age(1, 10.0)}
+    after = grown(before, {"same": 3, "grew": 4, "new": 0}, 5.0)
+    assert after == {"same": Age(3, 15.0), "grew": Age(4, 0.0), "new": Age(0, 0.0)}
+
+
+def test_only_what_is_older_is_found() -> None:
+    ages = {"old": Age(1, 86_401.0), "young": Age(1, 86_400.0)}
+    assert older_than(ages, 1.0) == ["old"]
+
+
+def test_ages_are_kept(tmp_path: Path) -> None:
+    write_ages(tmp_path, {"upload a": Age(5, 7.5)})
+    assert read_ages(tmp_path) == {"upload a": Age(5, 7.5)}
+
+
+@pytest.mark.parametrize("content", [b"", b"[1]", b'{"a": 3}', b"\xff", b"[" * 100_000])
+def test_damaged_ages_begin_anew(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / AGES).write_bytes(content)
+    assert read_ages(tmp_path) == {}
+
+
+NAMED, UNNAMED = "a" * 64, "b" * 64
+
+
+def test_what_is_named_stays_and_the_rest_is_moved_whole(tmp_path: Path) -> None:
+    blobs, quarantine = tmp_path / "blobs", tmp_path / "quarantine"
+    quarantine.mkdir()
+    for name in (NAMED, UNNAMED):
+        blob_path(blobs, name).parent.mkdir(parents=True)
+        blob_path(blobs, name).write_text(name)
+    (blobs / "aa" / "0123.partial").write_text("half")
+    found = unnamed_blobs(blobs, lambda sha256: sha256 == NAMED)
+    assert set_aside(found, quarantine) == 2
+    assert {file.name for file in blobs.glob("*/*")} == {NAMED}
+    assert (quarantine / UNNAMED).read_text() == UNNAMED
+    assert put_back(quarantine, blobs, lambda sha256: True) == 1
+    assert blob_path(blobs, UNNAMED).read_text() == UNNAMED
+    assert [file.name for file in quarantine.iterdir()] == ["0123.partial"]

@@ -1,4 +1,4 @@
-"""Files by their SHA-256 at any URL that fsspec knows: a folder, S3, or memory."""
+"""Files of published floors by their SHA-256 at any URL that fsspec knows: a folder, S3, memory."""
 
 from __future__ import annotations
 
@@ -9,16 +9,20 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from sqlalchemy import select
+
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.extras import installing
 from elfslam.base.urls import has_secret, shown_url, without_secrets
 from elfslam.data.atomic_files import replaced_file, sync
+from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.blobs import SHA256
+from elfslam.serve.store.database import reading
+from elfslam.serve.store.tables import Floor, FloorPart
 
 if TYPE_CHECKING:
     from fsspec import AbstractFileSystem
-
 
 CREDENTIALS = "leave it to the environment, such as AWS_SECRET_ACCESS_KEY"
 
@@ -130,3 +134,22 @@ def _said(files: Files) -> Iterator[None]:
             f"files at {files.url}: {type(error).__name__}: {first:.200}; is the store there, and "
             "may you write to it?"
         ) from error
+
+
+def published_manifest(services: Services, map_id: str) -> str | None:
+    """The manifest of a floor by the id of its map; None where there is no such floor."""
+    with reading(services.sessions) as session:
+        return session.scalar(select(Floor.manifest).filter_by(id=map_id))
+
+
+def published_part(services: Services, map_id: str, sha256: str) -> bytes | None:
+    """A part of a floor's package; None where that has no such part. Raises StoreError."""
+    wanted = select(FloorPart.sha256).join(Floor).where(Floor.id == map_id)
+    with reading(services.sessions) as session:
+        named = session.scalar(wanted.where(FloorPart.sha256 == sha256))
+    if named is None:
+        return None
+    try:
+        return read(open_files(services.settings), named)
+    except FileNotFoundError:
+        return None

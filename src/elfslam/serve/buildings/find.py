@@ -1,29 +1,30 @@
-"""Which floor a phone is on: the log-odds of each modality, added up.
+"""Which floor a phone is on: what each sense says, added up by one rule.
 
-Every modality gives log-odds for a floor, against being anywhere else; one that cannot know of a
+Every sense gives log-odds for a floor, against being anywhere else; a sense that cannot know of a
 floor says nothing of it. Their sum, each bounded, gives the share of each floor and of "elsewhere"
-(odds 1). The best floor is the answer only where its share is large and no modality knows another
-building instead; nothing is ever guessed.
+(odds 1). The best floor is the answer only where its share is large and no sense knows another
+building instead; nothing is ever guessed. What a phone tells is looked up in the database by two
+queries, whatever it tells.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Any, TypeVar
 
 import numpy as np
+import sqlalchemy as sa
+from sqlalchemy.engine import Connection
+from sqlalchemy.orm import InstrumentedAttribute
 
 from elfslam.base.arrays import F32
 from elfslam.base.parameters import parameter
-from elfslam.serve.buildings.echoes import EchoEvidence, EchoFindParameters
-from elfslam.serve.buildings.position import (
-    Place,
-    PositionFindParameters,
-    Site,
-    position_log_odds,
-)
-from elfslam.serve.buildings.wifi import WifiFindParameters
+from elfslam.serve.buildings import senses
+from elfslam.serve.store.database import POSTGRESQL
+from elfslam.serve.store.tables import Building, Floor, FloorPoint
 
 
 class Found(StrEnum):
@@ -43,9 +44,9 @@ class RuleParameters:
         0.5, "", "from here on the place is unknown", low=0.05, high=1.0
     )
     denying_log_odds: float = parameter(
-        5.0, "", "with so much a modality knows another building, or that it is not this", low=0.0
+        5.0, "", "with so much a sense knows another building, or that it is not this", low=0.0
     )
-    most_log_odds: float = parameter(30.0, "", "of one modality, either way", low=1.0)
+    most_log_odds: float = parameter(30.0, "", "of one sense, either way", low=1.0)
     most_candidates: int = parameter(10, "", "are told", low=1, high=1000)
     least_share: float = parameter(0.001, "", "of a candidate that is told", low=0.0, high=0.5)
 
@@ -54,9 +55,9 @@ class RuleParameters:
 class FindParameters:
     """All parameters of finding a floor."""
 
-    wifi: WifiFindParameters = field(default_factory=WifiFindParameters)
-    position: PositionFindParameters = field(default_factory=PositionFindParameters)
-    echo: EchoFindParameters = field(default_factory=EchoFindParameters)
+    wifi: senses.WifiFindParameters = field(default_factory=senses.WifiFindParameters)
+    position: senses.PositionFindParameters = field(default_factory=senses.PositionFindParameters)
+    echo: senses.EchoFindParameters = field(default_factory=senses.EchoFindParameters)
     rule: RuleParameters = field(default_factory=RuleParameters)
 
 
@@ -65,7 +66,7 @@ class Asked:
     """What a phone tells: levels (dBm) by address, where it believes to be, features it hears."""
 
     wifi: Mapping[int, float] = field(default_factory=dict)
-    place: Place | None = None
+    place: senses.Place | None = None
     vectors: F32 | None = None
     encoder: str = ""
 
@@ -79,21 +80,21 @@ class KnownFloor:
     level: int
     map_id: str
     revision: int
-    site: Site
+    site: senses.Site
     has_wifi: bool
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What each modality says of floors by their number; None where it was not asked.
+    """What each sense says of floors by their number; None where it was not asked.
 
     `wifi_silent` is what it says of a floor with Wi-Fi that knows nothing of what was heard.
     """
 
     wifi: Mapping[int, float] | None = None
     wifi_silent: float = 0.0
-    place: Place | None = None
-    echo: EchoEvidence | None = None
+    place: senses.Place | None = None
+    echo: senses.EchoEvidence | None = None
 
 
 @dataclass(frozen=True)
@@ -113,9 +114,9 @@ class Answer:
 
 
 def decide(floors: Iterable[KnownFloor], evidence: Evidence, parameters: FindParameters) -> Answer:
-    """The answer from what the modalities say of some floors."""
+    """The answer from what the senses say of some floors."""
     known, rule = list(floors), parameters.rule
-    said = {floor.number: senses(floor, evidence, parameters) for floor in known}
+    said = {floor.number: log_odds_of(floor, evidence, parameters) for floor in known}
     odds = np.array([0.0, *(sum(each or 0.0 for each in said[floor.number]) for floor in known)])
     share = np.exp(odds - odds.max())
     share /= share.sum()
@@ -131,7 +132,7 @@ def decide(floors: Iterable[KnownFloor], evidence: Evidence, parameters: FindPar
     return Answer(Found.OK if sure else Found.AMBIGUOUS, told)
 
 
-def senses(
+def log_odds_of(
     floor: KnownFloor, evidence: Evidence, parameters: FindParameters
 ) -> tuple[float | None, ...]:
     """What Wi-Fi, position and echoes say for a floor; None where one says nothing of it."""
@@ -139,7 +140,7 @@ def senses(
     if evidence.wifi is not None and floor.has_wifi:
         wifi = evidence.wifi.get(floor.number, evidence.wifi_silent)
     if evidence.place is not None:
-        place = position_log_odds(evidence.place, floor.site, parameters.position)
+        place = senses.position_log_odds(evidence.place, floor.site, parameters.position)
     if evidence.echo is not None:
         echo = evidence.echo.of(floor.map_id)
     most = parameters.rule.most_log_odds
@@ -154,10 +155,134 @@ def _denied(
     said: Mapping[int, tuple[float | None, ...]],
     rule: RuleParameters,
 ) -> bool:
-    """Whether a modality knows another building, and that it is not this, or nothing of this."""
+    """Whether a sense knows another building, and that it is not this one, or nothing of this."""
     for sense, here in enumerate(said[best.number]):
         others = (said[each.number][sense] for each in known if each.building != best.building)
         another = max((odds for odds in others if odds is not None), default=0.0)
         if another >= rule.denying_log_odds and (here is None or here <= -rule.denying_log_odds):
             return True
     return False
+
+
+Key = TypeVar("Key", int, str)
+MOST_FLOORS = 64
+"""So many of the likeliest by each sense are looked at by the others."""
+POINTS = sa.select(
+    FloorPoint.bssid, FloorPoint.floor, FloorPoint.level_dbm, FloorPoint.spread_db, FloorPoint.share
+)
+FLOORS = sa.select(
+    Floor.number, Building.name, Floor.level, Floor.id, Floor.revision, Floor.has_wifi,
+    Floor.latitude_deg, Floor.longitude_deg, Floor.radius_m, Floor.altitude_m,
+).join(Building, Floor.building == Building.number)  # fmt: skip
+AROUND = sa.and_(
+    Floor.latitude_deg.between(sa.bindparam("south"), sa.bindparam("north")),
+    sa.or_(
+        Floor.longitude_deg.between(sa.bindparam("west"), sa.bindparam("east")),
+        Floor.longitude_deg.between(sa.bindparam("west_too"), sa.bindparam("east_too")),
+    ),
+    sa.func.abs(Floor.latitude_deg - sa.bindparam("latitude", type_=sa.Float))
+    * senses.EARTH_M_PER_DEG
+    < Floor.radius_m + sa.bindparam("reach", type_=sa.Float),
+)
+
+
+@dataclass(frozen=True)
+class Statements:
+    """What is asked of a database, made once."""
+
+    points: sa.Select[Any]
+    by_number: sa.Select[Any]
+    by_place: sa.Select[Any]
+    by_both: sa.Select[Any]
+
+
+def statements(*, arrays: bool) -> Statements:
+    """With a list as one parameter, which can be prepared, or as one for each of its values."""
+
+    def among(column: InstrumentedAttribute[Any], name: str, kind: Any) -> sa.ColumnElement[bool]:
+        if arrays:
+            return column == sa.any_(sa.bindparam(name, type_=sa.ARRAY(kind)))
+        return column.in_(sa.bindparam(name, type_=kind, expanding=True))
+
+    likely = sa.or_(
+        among(Floor.number, "numbers", sa.Integer), among(Floor.id, "map_ids", sa.String)
+    )
+    points: Any = POINTS
+    floors: Any = FLOORS
+    return Statements(
+        points.where(among(FloorPoint.bssid, "bssids", sa.BigInteger)),
+        floors.where(likely),
+        floors.where(AROUND),
+        floors.where(sa.or_(likely, AROUND)),
+    )
+
+
+STATEMENTS = {arrays: statements(arrays=arrays) for arrays in (False, True)}
+
+
+def _statements(connection: Connection) -> Statements:
+    return STATEMENTS[connection.dialect.name == POSTGRESQL]
+
+
+def find(
+    connection: Connection, index: senses.EchoIndex | None, asked: Asked, parameters: FindParameters
+) -> Answer:
+    """Which floor a phone is on."""
+    scan = senses.scan_of(asked.wifi, parameters.wifi)
+    wifi = echo = None
+    if len(scan.bssid):
+        wifi = senses.wifi_log_odds(scan, _known_points(connection, scan), parameters.wifi)
+    if asked.vectors is not None and index is not None and asked.encoder == index.encoder:
+        echo = senses.echo_evidence(asked.vectors, index, parameters.echo)
+    likely: dict[str, Sequence[object]] = {
+        "numbers": _likeliest({} if wifi is None else wifi),
+        "map_ids": _likeliest({} if echo is None else echo.odds),
+    }
+    floors = _floors(connection, likely, asked.place, parameters.position)
+    silent = len(scan.bssid) * math.log(parameters.wifi.new_share)
+    return decide(floors, Evidence(wifi, silent, asked.place, echo), parameters)
+
+
+def _known_points(connection: Connection, scan: senses.Scan) -> senses.KnownPoints:
+    rows = connection.execute(_statements(connection).points, {"bssids": scan.bssid.tolist()}).all()
+    table = np.array([*map(tuple, rows)], dtype=np.float64).reshape(-1, 5)  # 48 bits are exact
+    order = np.argsort(scan.bssid)
+    heard = order[np.searchsorted(scan.bssid, table[:, 0].astype(np.int64), sorter=order)]
+    return senses.KnownPoints(heard, table[:, 1].astype(np.int64), *table[:, 2:].T)
+
+
+def _likeliest(odds: Mapping[Key, float]) -> list[Key]:
+    return sorted(odds, key=lambda each: -odds[each])[:MOST_FLOORS]
+
+
+def _floors(
+    connection: Connection,
+    likely: Mapping[str, Sequence[object]],
+    place: senses.Place | None,
+    parameters: senses.PositionFindParameters,
+) -> list[KnownFloor]:
+    """The floors of these numbers and maps, and those around a place."""
+    wanted = _statements(connection)
+    if place is None:
+        rows = connection.execute(wanted.by_number, likely)
+    elif any(likely.values()):
+        rows = connection.execute(wanted.by_both, {**likely, **_around(place, parameters)})
+    else:
+        rows = connection.execute(wanted.by_place, _around(place, parameters))
+    return [_known(row) for row in rows]
+
+
+def _around(place: senses.Place, parameters: senses.PositionFindParameters) -> dict[str, float]:
+    """The box around a place, and beyond the date line its other part."""
+    south, west, north, east = senses.box_deg(place, parameters)
+    turn = 360.0 if west < -180 else -360.0
+    return {
+        "south": south, "north": north, "west": west, "east": east,
+        "west_too": west + turn, "east_too": east + turn,
+        "latitude": place.latitude_deg, "reach": senses.reach_m(place, parameters),
+    }  # fmt: skip
+
+
+def _known(row: Sequence[Any]) -> KnownFloor:
+    number, building, level, map_id, revision, has_wifi, *site = row
+    return KnownFloor(number, building, level, map_id, revision, senses.Site(*site), has_wifi)

@@ -20,22 +20,13 @@ from sqlalchemy import select
 from elfslam.base.arrays import F32
 from elfslam.base.errors import InputError, StoreError
 from elfslam.data.tiles import features_of
+from elfslam.serve import nearest
 from elfslam.serve.buildings import files as store
-from elfslam.serve.buildings.echoes import EchoIndex, unit_rows
 from elfslam.serve.buildings.files import Files
-from elfslam.serve.buildings.tables import Floor
-from elfslam.serve.nearest import (
-    NearestParameters,
-    absorb,
-    add_map,
-    build_index,
-    newest_revision,
-    open_index,
-    read_meta,
-    remove_map,
-)
+from elfslam.serve.buildings.senses import EchoIndex, unit_rows
 from elfslam.serve.services import Services
 from elfslam.serve.store.database import reading
+from elfslam.serve.store.tables import Floor
 from elfslam.stages.feature import load_encoder
 
 FOLDER, LATEST = "nearest", "latest"
@@ -50,7 +41,7 @@ def shipped_encoder() -> str:
     return load_encoder("compact").identity
 
 
-def index_floors(services: Services, parameters: NearestParameters) -> tuple[int, int]:
+def index_floors(services: Services, parameters: nearest.NearestParameters) -> tuple[int, int]:
     """Build the index anew; how many floors and spots are in it. Raises InputError, StoreError.
 
     A server that runs searches it from its next question on.
@@ -63,7 +54,7 @@ def index_floors(services: Services, parameters: NearestParameters) -> tuple[int
         raise InputError("index: no published floor has features of the shipped encoder")
     number = max((int(each.name) for each in folder.glob("[0-9]*")), default=0) + 1
     counts = {map_id: len(spots) for map_id, spots in rows.items()}
-    build_index(
+    nearest.build_index(
         list(rows.values()), folder / f"{number:06d}", parameters, encoder=shipped_encoder(),
         maps=counts,
     )  # fmt: skip
@@ -82,13 +73,13 @@ def index_floor(services: Services, map_id: str) -> bool:
     folder = _latest(services)
     if folder is None:
         return False
-    if any(each.name == map_id and not each.removed for each in read_meta(folder).maps):
-        remove_map(folder, map_id)
+    if any(each.name == map_id and not each.removed for each in nearest.read_meta(folder).maps):
+        nearest.remove_map(folder, map_id)
     rows = dict(_spots(services, store.open_files(services.settings), shipped_encoder(), map_id))
     for name, spots in rows.items():
-        meta = add_map(folder, name, spots, encoder=shipped_encoder())
+        meta = nearest.add_map(folder, name, spots, encoder=shipped_encoder())
         if sum(each.spots for each in meta.added) > MOST_ADDED:
-            absorb(folder)
+            nearest.absorb(folder)
     return map_id in rows
 
 
@@ -97,7 +88,7 @@ def index_of(services: Services) -> EchoIndex | None:
     folder = _latest(services)
     if folder is None:
         return None
-    revision = newest_revision(folder)
+    revision = nearest.newest_revision(folder)
     with _OPENING:
         if revision not in _OPENED:
             for older in [each for each in _OPENED if each.parent.parent == folder.parent]:
@@ -115,7 +106,7 @@ def _latest(services: Services) -> Path | None:
 
 
 def _opened(folder: Path) -> EchoIndex:
-    index = open_index(folder)
+    index = nearest.open_index(folder)
     return EchoIndex(
         index, index.map_of, tuple(each.name for each in index.meta.maps), index.meta.encoder
     )

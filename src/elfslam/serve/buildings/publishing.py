@@ -1,31 +1,33 @@
 """Floors are published whole: their parts first, then all rows in one commit.
 
 Whoever is killed between has only left parts that no row names, which `sweep` deletes. Publishers
-share a lock that sweeping takes alone, so that no part goes while somebody begins to name it.
+share a lock that sweeping takes alone, so that no part goes while somebody begins to name it. A
+floor comes from a map on disk with its walks, or from a map of the server.
 """
 
 from __future__ import annotations
 
 import fcntl
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
-from sqlalchemy import delete, insert, select, text
+from sqlalchemy import delete, func, insert, select, text
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from elfslam.base.errors import InputError, StoreError
-from elfslam.base.values import FloorMap
+from elfslam.base.values import FloorMap, WifiScans
+from elfslam.data.map_files import ENCODER, MAP, is_superimposed, read_map
+from elfslam.data.sensor_files import read_wifi
 from elfslam.serve.buildings import files as store
 from elfslam.serve.buildings.files import Files, open_files
-from elfslam.serve.buildings.position import HIGHEST_DEG
-from elfslam.serve.buildings.tables import Building, Floor, FloorPart, FloorPoint
-from elfslam.serve.buildings.wifi import FloorPoints
+from elfslam.serve.buildings.senses import HIGHEST_DEG, FloorPoints, WifiFindParameters, points_on
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
-from elfslam.serve.maps.floors import floor_name
+from elfslam.serve.maps.bodies import floor_name
 from elfslam.serve.maps.package import (
     Json,
     Sources,
@@ -34,9 +36,23 @@ from elfslam.serve.maps.package import (
     manifest_of,
     phone_parameters,
 )
+from elfslam.serve.people.access import ID
 from elfslam.serve.services import Services
+from elfslam.serve.store import blobs
 from elfslam.serve.store.blobs import Blob
-from elfslam.serve.store.database import new_id, now_utc, reading, transaction
+from elfslam.serve.store.database import reading, transaction
+from elfslam.serve.store.sending import unfolded
+from elfslam.serve.store.tables import (
+    Building,
+    Floor,
+    FloorPart,
+    FloorPoint,
+    Map,
+    MapFile,
+    RecordingFile,
+    new_id,
+    now_utc,
+)
 
 ADVISORY_LOCK = 0x656C_6673
 """PostgreSQL knows locks by numbers."""
@@ -140,7 +156,8 @@ def sweep(services: Services) -> int:
         if there and not there & named:
             raise StoreError(
                 f"files at {files.url}: no floor of this database names any of the {len(there)} "
-                "that lie there; give the --database that they were published with"
+                "that lie there; give the database that they were published with",
+                argument="database",
             )
         store.delete(files, there - named)
     return len(there - named)
@@ -247,3 +264,109 @@ def _point_rows(number: int, points: FloorPoints | None) -> list[dict[str, float
     names = ("bssid", "level_dbm", "spread_db", "share")
     rows = zip(*(column.tolist() for column in columns), strict=True)
     return [{"floor": number, **dict(zip(names, row, strict=True))} for row in rows]
+
+
+WIFI = "wifi.csv"
+
+
+def floor_of(
+    services: Services,
+    source: str,
+    spot: Spot,
+    heard: Sequence[Path],
+    parameters: WifiFindParameters,
+) -> NewFloor:
+    """A floor from a folder of a map, or from a map of the server by its id.
+
+    `heard` are recordings of walks there; a map of the server brings those that it came from.
+    Raises InputError, StoreError.
+    """
+    if Path(source).is_dir():
+        return _of_folder(Path(source), spot, _scans(heard), parameters)
+    if not ID.fullmatch(source):
+        raise InputError(f"{source}: is neither the folder of a map nor the id of one; check it")
+    return _of_server(services, source, spot, _scans(heard), parameters)
+
+
+def _of_folder(
+    folder: Path, spot: Spot, scans: list[WifiScans], parameters: WifiFindParameters
+) -> NewFloor:
+    encoder = folder / ENCODER
+    if not encoder.is_file():
+        raise InputError(f"{folder}: has no {ENCODER}; map the floor by its echoes")
+    if is_superimposed(folder):
+        raise InputError(f"{folder}: phones need headings; publish the map it was made of")
+    points = _points(scans, parameters)
+    return NewFloor(spot, read_map(folder), encoder.read_bytes(), points)
+
+
+def _of_server(
+    services: Services,
+    map_id: str,
+    spot: Spot,
+    scans: list[WifiScans],
+    parameters: WifiFindParameters,
+) -> NewFloor:
+    settings = services.settings
+    with reading(services.sessions) as session:
+        found = session.get(Map, map_id)
+        if found is None:
+            raise InputError(
+                f"map {map_id}: is not on this server; check the id and the data folder",
+                argument="data",
+            )
+        named = {row.name: row.sha256 for row in session.query(MapFile).filter_by(map_id=map_id)}
+        walks = session.query(RecordingFile.sha256).filter(
+            RecordingFile.recording_id.in_(found.sources), RecordingFile.name == WIFI
+        )
+        tables = {f"{k}.csv": sha256 for k, (sha256,) in enumerate(walks)}
+        plan, placed = named.get(FLOOR_PLAN), found.floor_plan
+    with unfolded(settings, tables) as folder:
+        scans += [read_wifi(folder / name) for name in tables]
+    wanted = {name: named[name] for name in (MAP, ENCODER) if name in named}
+    with unfolded(settings, wanted) as folder:
+        new = _of_folder(folder, spot, scans, parameters)
+    if plan is None or placed is None:
+        return new
+    image = blobs.found_blob(settings.blobs_folder, plan).read_bytes()
+    return NewFloor(spot, new.floor_map, new.encoder, new.points, (image, placed))
+
+
+def _scans(recordings: Sequence[Path]) -> list[WifiScans]:
+    for recording in recordings:
+        if not (recording / WIFI).is_file():
+            raise InputError(f"{recording}: has no {WIFI}; wanted a recording with Wi-Fi scans")
+    return [read_wifi(recording / WIFI) for recording in recordings]
+
+
+def _points(scans: list[WifiScans], parameters: WifiFindParameters) -> FloorPoints | None:
+    return points_on(scans, parameters) if scans else None
+
+
+def published_rows(services: Services) -> list[dict[str, object]]:
+    """A row a floor: building, floor, where it lies, its map, and how much that takes."""
+    parts = select(func.count(), func.sum(FloorPart.size_bytes)).where(
+        FloorPart.floor == Floor.number
+    )
+    points = select(func.count()).where(FloorPoint.floor == Floor.number)
+    columns = (
+        Building.name, Floor.level, Floor.latitude_deg, Floor.longitude_deg, Floor.id,
+        Floor.revision, points.scalar_subquery(),
+        parts.with_only_columns(func.sum(FloorPart.size_bytes)).scalar_subquery(),
+    )  # fmt: skip
+    wanted = select(*columns).join(Building).order_by(Building.name, Floor.level)
+    with reading(services.sessions) as session:
+        return [
+            {
+                "building": name,
+                "floor": level,
+                "at": f"{latitude:.6f},{longitude:.6f}",
+                "map": map_id,
+                "revision": revision,
+                "access points": points,
+                "bytes": size,
+            }
+            for name, level, latitude, longitude, map_id, revision, points, size in session.execute(
+                wanted
+            )
+        ]

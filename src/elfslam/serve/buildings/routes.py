@@ -11,12 +11,15 @@ from fastapi import APIRouter, Response
 from pydantic import BaseModel, Field, model_validator
 
 from elfslam.base.values import ELF_SIZE
-from elfslam.serve.buildings.echoes import unit_rows
-from elfslam.serve.buildings.find import Answer, Asked, FindParameters, Found
+from elfslam.serve.buildings.find import Answer, Asked, FindParameters, Found, find
 from elfslam.serve.buildings.indexes import index_of
-from elfslam.serve.buildings.lookup import find
-from elfslam.serve.buildings.position import HIGHEST_DEG, Place
-from elfslam.serve.buildings.wifi import BSSID, checked_bssid_number
+from elfslam.serve.buildings.senses import (
+    BSSID,
+    HIGHEST_DEG,
+    Place,
+    checked_bssid_number,
+    unit_rows,
+)
 from elfslam.serve.people.access import Token, admit
 from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.store.database import looking

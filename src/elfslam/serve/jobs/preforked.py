@@ -19,15 +19,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
 from elfslam.app.map import MapJob, map_into
 from elfslam.app.settings import Settings
 from elfslam.app.workers.child import STDIN, Child, end_children, end_with_parent
 from elfslam.base.errors import ElfslamError
 from elfslam.data.recordings import write_recording
-from elfslam.serve.jobs.child import Worked
-from elfslam.world.simulate import load_world, simulate
+
+if TYPE_CHECKING:
+    from elfslam.serve.jobs.executors import Worked
 
 PREFORKED = "elfslam.serve.jobs.preforked"
 NUMBER = struct.Struct("!i")
@@ -154,6 +155,8 @@ def warm_up() -> None:
 
     It is one without sound, whose mapping begins no threads: a fork would not have them.
     """
+    from elfslam.world.simulate import load_world, simulate
+
     walk, _ = simulate(load_world(WORLD), SEED, rounds=1, sound=False)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

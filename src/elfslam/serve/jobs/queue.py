@@ -8,25 +8,18 @@ deletion or another runner) changes nothing and says so.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import CursorResult, Select, and_, func, select, update
 from sqlalchemy.orm import Session, aliased
 
-from elfslam.serve.store.database import (
-    Job,
-    JobKind,
-    JobState,
-    Sessions,
-    new_id,
-    now_utc,
-    reading,
-    transaction,
-)
+from elfslam.serve.store.database import Sessions, reading, transaction
+from elfslam.serve.store.tables import Job, JobKind, JobState, new_id, now_utc
 
-MOST_ATTEMPTS = 3
-"""So often a job is begun whose own process died."""
+if TYPE_CHECKING:
+    from elfslam.serve.jobs.executors import Progress
+
 AT_ONCE, PAUSE_S, LONGEST_PAUSE_S = 2, 10.0, 60.0
 """Begun more often than `AT_ONCE` and never ended: a job may be what kills the server. It waits
 another pause for each time, so that the others are done first, but never for good."""
@@ -94,10 +87,10 @@ def _next(most_begun: int) -> Select[Job]:
     return mine.order_by(Job.created_utc, Job.id).limit(1)
 
 
-def tell(sessions: Sessions, held: Claim, doing: str, share: float | None) -> bool:
+def tell(sessions: Sessions, held: Claim, progress: Progress) -> bool:
     """Say how far the work is; whether the claim still holds."""
     with transaction(sessions) as session:
-        return _set(session, _held(held), {"doing": doing, "share": share})
+        return _set(session, _held(held), asdict(progress))
 
 
 def holds(sessions: Sessions, held: Claim) -> bool:

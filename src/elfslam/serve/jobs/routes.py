@@ -16,12 +16,15 @@ from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.enums import LONGEST_S, Modality, Mode, parse_modalities, parse_stretch
 from elfslam.base.errors import ParameterError
 from elfslam.serve.jobs import queue as jobs
-from elfslam.serve.jobs.folder import FIXES
+from elfslam.serve.jobs.executors import FIXES
 from elfslam.serve.people.access import Me, known_id, not_found
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.sharing.rights import Principal, Right, map_for
-from elfslam.serve.store.database import (
+from elfslam.serve.store.database import reading, transaction
+from elfslam.serve.store.quota import drop_unnamed, forget_given, used_bytes
+from elfslam.serve.store.sending import sent_blob
+from elfslam.serve.store.tables import (
     Job,
     JobFile,
     JobKind,
@@ -29,12 +32,7 @@ from elfslam.serve.store.database import (
     Recording,
     RecordingState,
     User,
-    reading,
-    transaction,
 )
-from elfslam.serve.store.derived import forget_given
-from elfslam.serve.store.quota import drop_unnamed, used_bytes
-from elfslam.serve.store.sending import sent_blob
 from elfslam.serve.texts import Line
 
 router = APIRouter(tags=["jobs"])

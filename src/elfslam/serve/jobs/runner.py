@@ -1,6 +1,6 @@
 """What works through the queue: one job after the other, each in a process of its own.
 
-Those processes are where `open_place` has them: on this machine, or on a cluster.
+Those processes are where `open_executor` has them: on this machine, or on a cluster.
 
 One server alone works on the jobs of a data folder: it holds the lock on a file there, and so do
 the processes of its jobs. Whoever gets the lock knows that nobody works on anything, and queues
@@ -24,21 +24,16 @@ from sqlalchemy.exc import OperationalError
 
 from elfslam.app.workers import WorkerDiedError, WorkersAwayError
 from elfslam.base.errors import InputError, WorkerError
-from elfslam.serve.jobs.child import LOG as CHILD_LOG
-from elfslam.serve.jobs.child import Progress, Result
-from elfslam.serve.jobs.executors import Executor, News, open_place
-from elfslam.serve.jobs.folder import DISK_FULL
-from elfslam.serve.jobs.queue import (
-    Claim,
-    begin_again,
-    begun_at_most,
-    claim,
-    finish,
-    give_back,
-    holds,
-    queue_interrupted,
-    tell,
+from elfslam.serve.jobs import queue
+from elfslam.serve.jobs.executors import (
+    DISK_FULL,
+    Events,
+    Executor,
+    Progress,
+    Result,
+    open_executor,
 )
+from elfslam.serve.jobs.executors import LOG as CHILD_LOG
 from elfslam.serve.jobs.results import keep
 from elfslam.serve.jobs.tasks import lay_out
 from elfslam.serve.problems import is_disk_full
@@ -66,9 +61,9 @@ class WorkerContext:
     services: Services
     stopping: threading.Event
     lock: int
-    place: Executor
+    executor: Executor
     away: threading.Event
-    """Set where the workers of the place are gone."""
+    """Set where the workers of the executor are gone."""
     since_s: float
     """When the server began to work on jobs, by the monotonic clock."""
 
@@ -97,7 +92,7 @@ def _work_alone(services: Services, stopping: threading.Event) -> None:
                 return
         for left in services.settings.work_folder.glob(f"{FOLDERS}*"):
             shutil.rmtree(left, ignore_errors=True)
-        _patiently(stopping, partial(queue_interrupted, services.sessions))
+        _patiently(stopping, partial(queue.queue_interrupted, services.sessions))
         since_s = time.monotonic()
         while not stopping.is_set():
             try:
@@ -110,9 +105,9 @@ def _work_alone(services: Services, stopping: threading.Event) -> None:
 def _work_there(services: Services, stopping: threading.Event, lock: int, since_s: float) -> None:
     """Work until the server stops, or those who work are gone. Raises InputError, WorkerError."""
     settings = services.settings
-    with open_place(settings.on, settings.job_workers) as place:
-        bench = WorkerContext(services, stopping, lock, place, threading.Event(), since_s)
-        workers = [threading.Thread(target=_work, args=(bench,)) for _ in range(place.count)]
+    with open_executor(settings.on, settings.job_workers) as executor:
+        bench = WorkerContext(services, stopping, lock, executor, threading.Event(), since_s)
+        workers = [threading.Thread(target=_work, args=(bench,)) for _ in range(executor.count)]
         for worker in workers:
             worker.start()
         for worker in workers:
@@ -125,15 +120,15 @@ def _work(bench: WorkerContext) -> None:
     services = bench.services
     while not bench.stopping.is_set() and not bench.away.is_set():
         services.jobs_wanted.clear()
-        begun = begun_at_most(time.monotonic() - bench.since_s)
-        held = _patiently(bench.stopping, partial(claim, services.sessions, begun))
+        begun = queue.begun_at_most(time.monotonic() - bench.since_s)
+        held = _patiently(bench.stopping, partial(queue.claim, services.sessions, begun))
         if held is None:
             services.jobs_wanted.wait(POLL_S)
         else:
             _work_on(bench, held)
 
 
-def _work_on(bench: WorkerContext, held: Claim) -> None:
+def _work_on(bench: WorkerContext, held: queue.Claim) -> None:
     services = bench.services
     folder = services.settings.work_folder / f"{FOLDERS}{held.job_id}-{held.token[:8]}"
     problem = None
@@ -153,63 +148,65 @@ def _work_on(bench: WorkerContext, held: Claim) -> None:
         _patiently(bench.stopping, partial(_fail, services, held, problem))
 
 
-def _attempt(bench: WorkerContext, held: Claim, folder: Path) -> None:
+def _attempt(bench: WorkerContext, held: queue.Claim, folder: Path) -> None:
     services = bench.services
     lay_out(services, held, folder)
     longest_s = services.settings.limits.job_s
-    result = _heard(bench, held, bench.place.news(folder, longest_s, bench.lock))
+    result = _result(bench, held, bench.executor.work(folder, longest_s, bench.lock))
     if result is None:
         if bench.stopping.is_set():
-            give_back(services.sessions, held)
+            queue.give_back(services.sessions, held)
         return
     if result.problem is not None:
         _log(folder, held, result.problem)
-    if result.died and held.attempt < bench.place.tries:
-        _patiently(bench.stopping, partial(begin_again, services.sessions, held))
+    if result.died and held.attempt < bench.executor.tries:
+        _patiently(bench.stopping, partial(queue.begin_again, services.sessions, held))
     else:
         _patiently(bench.stopping, partial(keep, services, held, folder, result))
 
 
-def _heard(bench: WorkerContext, held: Claim, news: News) -> Result | None:
-    """What came of a job, nothing where it was given up before: what it does is told meanwhile."""
-    with closing(news):  # type: ignore[type-var]
+def _result(bench: WorkerContext, held: queue.Claim, events: Events) -> Result | None:
+    """What came of a job, nothing where it was given up before; its progress is told meanwhile."""
+    with closing(events):  # type: ignore[type-var]
         try:
-            for said in news:
-                if isinstance(said, Result):
-                    return said
-                if not _told(bench, held, said):
+            for event in events:
+                if isinstance(event, Result):
+                    return event
+                if not _goes_on(bench, held, event):
                     return None
         except WorkerDiedError as error:
             return Result(None, str(error), died=True)
     raise WorkersAwayError("the cluster stopped in the middle; asking for it again")
 
 
-def _put_back(bench: WorkerContext, held: Claim, error: WorkerError) -> None:
+def _put_back(bench: WorkerContext, held: queue.Claim, error: WorkerError) -> None:
     """Nobody there can do a job that is not at fault: it waits."""
     LOG.warning("job %s waits: %s", held.job_id, error)
     if isinstance(error, WorkersAwayError):
         bench.away.set()
-    _patiently(bench.stopping, partial(give_back, bench.services.sessions, held))
+    _patiently(bench.stopping, partial(queue.give_back, bench.services.sessions, held))
     bench.stopping.wait(POLL_S)
 
 
-def _told(bench: WorkerContext, held: Claim, doing: Progress) -> bool:
-    """Pass on what is being done; whether to go on. A database that is away stops nobody."""
+def _goes_on(bench: WorkerContext, held: queue.Claim, progress: Progress | None) -> bool:
+    """Pass progress on; whether to go on. A database that is away stops nobody."""
     if bench.stopping.is_set():
         return False
     sessions = bench.services.sessions
     try:
-        if doing.what is None:
-            return holds(sessions, held)
-        return tell(sessions, held, doing.what, doing.share)
+        return (
+            queue.holds(sessions, held)
+            if progress is None
+            else queue.tell(sessions, held, progress)
+        )
     except OperationalError as error:
         LOG.warning("job %s: %s", held.job_id, error)
         return True
 
 
-def _fail(services: Services, held: Claim, problem: str) -> None:
+def _fail(services: Services, held: queue.Claim, problem: str) -> None:
     with transaction(services.sessions) as session:
-        finish(session, held, {}, problem)
+        queue.finish(session, held, {}, problem)
 
 
 def _patiently(stopping: threading.Event, act: Callable[[], T]) -> T | None:
@@ -223,7 +220,7 @@ def _patiently(stopping: threading.Event, act: Callable[[], T]) -> T | None:
             return None
 
 
-def _log(folder: Path, held: Claim, problem: str) -> None:
+def _log(folder: Path, held: queue.Claim, problem: str) -> None:
     """What the work's own process said of its failure, where it said anything."""
     file = folder / CHILD_LOG
     said = file.read_text(encoding="utf-8", errors="replace") if file.exists() else ""

@@ -14,23 +14,15 @@ from sqlalchemy.orm import Session
 
 from elfslam.base.errors import InputError
 from elfslam.data.map_files import BY_TAPS
-from elfslam.serve.jobs.folder import GIVEN, TASK
+from elfslam.serve.jobs.executors import GIVEN, TASK
 from elfslam.serve.jobs.queue import Claim
 from elfslam.serve.services import Services
 from elfslam.serve.sharing.rights import Principal, Right, right_in
 from elfslam.serve.store import blobs
-from elfslam.serve.store.database import (
-    JobKind,
-    Map,
-    MapFile,
-    Recording,
-    RecordingFile,
-    reading,
-)
+from elfslam.serve.store.database import reading
+from elfslam.serve.store.tables import JobKind, Map, MapFile, Recording, RecordingFile
 
 RUN, FLOOR = "run", "floor"
-FRAME = "frame"
-"""Fact of a merged map: the id of the map whose frame it has."""
 """Kinds of maps: of one walk, or merged."""
 FLOOR_PLAN = "floor-plan"
 """The one file of a map that is not part of its folder."""
@@ -84,14 +76,8 @@ def gone(what: str) -> InputError:
 
 def _map(session: Session, held: Claim) -> Task:
     name, named = _recording(session, held.given["recording"])
-    task = {
-        "recording": name,
-        "by": held.given.get("by") or [],
-        "start_pose": held.given.get("start_pose"),
-        "from_s": held.given.get("from_s"),
-        "until_s": held.given.get("until_s"),
-    }
-    return task, {name: named}
+    asked = {each: held.given.get(each) for each in ("start_pose", "from_s", "until_s")}
+    return {"recording": name, "by": held.given.get("by") or [], **asked}, {name: named}
 
 
 def _merge(session: Session, held: Claim) -> Task:
@@ -142,7 +128,7 @@ def frame_of(session: Session, each: Map) -> str:
     """The id of the map whose frame this one has: its own, that of the map tapped on, or that of
     the first of the maps that it was merged from."""
     if each.kind == FLOOR:
-        return str(each.facts.get(FRAME, each.id))
+        return str(each.facts.get("frame", each.id))
     if each.facts.get("heading") != BY_TAPS:
         return each.id
     recording = session.get(Recording, each.sources[0])

@@ -14,9 +14,10 @@ import resource
 import sys
 import traceback
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 
@@ -33,9 +34,12 @@ from elfslam.data.map_exports import walk_lines
 from elfslam.data.map_files import MISSING, read_facts, read_map
 from elfslam.data.position_files import write_fixes
 from elfslam.data.recordings import read_recording
-from elfslam.serve.jobs.folder import DISK_FULL, FIXES, GIVEN, OUT, TASK
+from elfslam.serve.jobs.executors import DISK_FULL, FIXES, GIVEN, OUT, TASK, Progress, Result
 from elfslam.slam import pipeline as slam
 from elfslam.slam.merging import MergeParameters
+
+if TYPE_CHECKING:
+    from elfslam.serve.store.tables import MapFacts
 
 ENCODER = "compact"
 STAGES = {
@@ -71,19 +75,19 @@ def work_on(folder: Path) -> None:
     _say(told, _result(folder, task, partial(_tell, told)))
 
 
-def _result(folder: Path, task: Json, announce: Announce) -> Json:
+def _result(folder: Path, task: Json, announce: Announce) -> Result:
     """What came of the task; what a user cannot act on is raised."""
     try:
         facts, problem = WORK[task["kind"]](folder, task, announce)
     except ElfslamError as error:
         problem = _no_space(error.__cause__, task) or in_words(error, folder)
-        return {"facts": None, "problem": problem}
+        return Result(None, problem)
     except (MemoryError, OSError) as error:
         traceback.print_exc()
         if (problem := _no_space(error, task)) is None:
             raise
-        return {"facts": None, "problem": problem}
-    return {"facts": facts, "problem": problem}
+        return Result(None, problem)
+    return Result(facts, problem)
 
 
 def _no_space(error: BaseException | None, task: Json) -> str | None:
@@ -114,7 +118,7 @@ def _map(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | None
         announce(name, STAGES.get(name) if share is None else share)
 
     run = map_into(folder / OUT, folder / GIVEN / task["recording"], job, stage)
-    facts = _facts_of_run(run) | _said_of_run(folder / OUT)
+    facts = {**_facts_of_run(run), **_said_of_run(folder / OUT)}
     return facts, _problem_of(lambda: refuse_unclosed(run))
 
 
@@ -125,7 +129,7 @@ def _start_pose(given: list[float] | None) -> Pose | None:
     return x_m, y_m, heading_rad
 
 
-def _facts_of_run(run: Run) -> Json:
+def _facts_of_run(run: Run) -> MapFacts:
     xy_m, t_s = run.trajectory.world_from_body[:, :2], run.trajectory.t_s
     return {
         "walks": 1,
@@ -152,7 +156,7 @@ def _merge(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | No
     known = task["known_starts"]
     made = merge_into(folder / OUT, paths, MergeParameters(), announce, known_starts=known)
     floor_map = made.floor_map
-    facts = {
+    facts: MapFacts = {
         "walks": len(floor_map.sources),
         "spots": len(floor_map.xy_m),
         "distance_m": round(sum(path_length_m(line) for _, line in walk_lines(floor_map)), 2),
@@ -160,7 +164,7 @@ def _merge(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | No
         "refused": made.refused,
         "bounds_m": _bounds(floor_map.xy_m),
     }
-    return facts, None
+    return dict(facts), None
 
 
 def _locate(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | None]:
@@ -196,11 +200,11 @@ def _bounds(xy_m: F64) -> list[float]:
 
 
 def _tell(told: TextIO, doing: str, share: float | None) -> None:
-    _say(told, {"doing": doing, "share": share})
+    _say(told, Progress(doing, share))
 
 
-def _say(told: TextIO, line: Json) -> None:
-    told.write(json.dumps(line, default=str) + "\n")
+def _say(told: TextIO, event: Progress | Result) -> None:
+    told.write(json.dumps(asdict(event), default=str) + "\n")
 
 
 def _limit(limits: Json) -> None:

@@ -1,7 +1,8 @@
-"""Maps as the API tells them."""
+"""Maps as the API tells them, and how high floors lie by their names."""
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from datetime import datetime
 from typing import Any, Literal
@@ -11,10 +12,17 @@ from sqlalchemy import ColumnElement, func, select, union
 from sqlalchemy.orm import Session
 
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
-from elfslam.serve.maps.floors import level_of
 from elfslam.serve.sharing.rights import Principal, Right, right_to, through_groups
-from elfslam.serve.sharing.tables import GroupMember, MapGroupShare, MapLink, MapShare, Shared
-from elfslam.serve.store.database import Map, MapFile, User
+from elfslam.serve.store.tables import (
+    GroupMember,
+    Map,
+    MapFile,
+    MapGroupShare,
+    MapLink,
+    MapShare,
+    Shared,
+    User,
+)
 
 
 class MapFileBody(BaseModel):
@@ -124,3 +132,28 @@ def _counts(session: Session, of_maps: ColumnElement[bool]) -> dict[str, int]:
     people = union(alone, others).subquery()
     rows = select(people.c.map_id, func.count()).group_by(people.c.map_id)
     return {row[0]: row[1] for row in session.execute(rows)}
+
+
+DASHES = "-\u2212\u2013"
+"""A minus as people write it."""
+NUMBER = re.compile(rf"(?:(?<!\w)[{DASHES}])?(?<!\d)\d{{1,3}}(?!\d)")
+BASEMENT = re.compile(r"\b(?:basement|cellar|underground)\b|^(?:b|ug)\d", re.I)
+GROUND = re.compile(r"\bground\b|\blobby\b|^(?:g|eg|gf)$", re.I)
+
+
+def level_of(floor: str | None) -> int | None:
+    """How high a floor lies by its name, 0 at the ground; None where the name does not say."""
+    if floor is None:
+        return None
+    if GROUND.search(floor):
+        return 0
+    number, below = NUMBER.search(floor), BASEMENT.search(floor)
+    if number is None:
+        return -1 if below else None
+    level = int(number[0].lstrip(DASHES))
+    return -level if below or number[0][0] in DASHES else level
+
+
+def floor_name(level: int) -> str:
+    """What the floor of a published building is called."""
+    return "Ground floor" if level == 0 else f"Floor {level}"

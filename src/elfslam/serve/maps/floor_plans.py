@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -19,15 +20,16 @@ from elfslam.serve.jobs.tasks import FLOOR_PLAN
 from elfslam.serve.maps.bodies import MapBody, body_of
 from elfslam.serve.parsing.child import Bounds
 from elfslam.serve.problems import Problem, problems
-from elfslam.serve.receiving.appending import Quota, append
 from elfslam.serve.receiving.completing import scratch
+from elfslam.serve.receiving.tus import Quota, append
 from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.settings import Limits
 from elfslam.serve.sharing.rights import Asks, Principal, Right, current_asker, map_for
 from elfslam.serve.store import blobs
-from elfslam.serve.store.database import MapFile, reading, transaction
+from elfslam.serve.store.database import reading, transaction
 from elfslam.serve.store.quota import drop_unnamed
 from elfslam.serve.store.sending import sent_blob
+from elfslam.serve.store.tables import MapFile
 
 router = APIRouter(
     tags=["maps"], prefix="/maps/{map_id}/floor-plan", dependencies=[Depends(current_asker)]
@@ -108,11 +110,7 @@ def _put(
             found = map_for(session, asker, map_id, Right.EDIT)
             older = session.get(MapFile, (map_id, FLOOR_PLAN))
             named = [] if older is None else [older.sha256]
-            session.merge(
-                MapFile(
-                    map_id=map_id, name=FLOOR_PLAN, sha256=blob.sha256, size_bytes=blob.size_bytes
-                )
-            )
+            session.merge(MapFile(map_id=map_id, name=FLOOR_PLAN, **asdict(blob)))
             found.floor_plan = {"placement": None, **(found.floor_plan or {}), **facts}
             answer = body_of(session, asker, found)
     drop_unnamed(services, named)

@@ -1,7 +1,8 @@
-"""A map as phones keep it: parts named by their SHA-256, and a manifest that the server signs."""
+"""A map as phones keep it: parts by their SHA-256, a signed manifest, and its routes."""
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import json
 import time
@@ -10,7 +11,10 @@ from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import delete
+from fastapi import APIRouter, Response
+from fastapi.responses import FileResponse
+from pydantic import BaseModel
+from sqlalchemy import delete, or_, select, union_all
 from sqlalchemy.orm import Session
 
 from elfslam.app.settings import Settings
@@ -19,25 +23,21 @@ from elfslam.base.parameters import as_dict
 from elfslam.base.values import FloorMap, PointOfInterest
 from elfslam.data.map_files import ENCODER, MAP, read_map
 from elfslam.data.tiles import encoder_identity, stretches_of, tiles_of
+from elfslam.serve.buildings.files import published_manifest, published_part
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
 from elfslam.serve.maps.point_routes import points_of
+from elfslam.serve.network.authority import fingerprint, sign, signing_key, spki_of
+from elfslam.serve.people.access import not_found
 from elfslam.serve.receiving.completing import scratch
-from elfslam.serve.services import Services
+from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.settings import ServerSettings
-from elfslam.serve.sharing.rights import Principal, map_for
+from elfslam.serve.sharing.rights import Asks, Principal, map_for
 from elfslam.serve.store import blobs
 from elfslam.serve.store.blobs import Blob
-from elfslam.serve.store.database import (
-    Map,
-    MapFile,
-    MapPackage,
-    MapPart,
-    now_utc,
-    reading,
-    transaction,
-)
+from elfslam.serve.store.database import reading, transaction
 from elfslam.serve.store.quota import drop_unnamed
-from elfslam.serve.store.sending import unfolded
+from elfslam.serve.store.sending import sent_blob, unfolded
+from elfslam.serve.store.tables import Map, MapFile, MapPackage, MapPart, now_utc
 
 FORMAT = 3
 GROUPS = ("chirp", "echo", "motion", "locate", "track", "spoofing", "medium_access")
@@ -117,7 +117,7 @@ def manifest_of(
     }
     plan = sources.files.get(FLOOR_PLAN)
     if plan is not None and sources.floor_plan is not None:
-        manifest["floor_plan"] = {**_told(plan), **sources.floor_plan}
+        manifest["floor_plan"] = {**asdict(plan), **sources.floor_plan}
     if sources.points_of_interest:
         manifest["points_of_interest"] = [asdict(each) for each in sources.points_of_interest]
     return _text(manifest)
@@ -135,13 +135,13 @@ def check_encoder(floor_map: FloorMap, encoder: Blob) -> None:
 def content_of(floor_map: FloorMap, encoder: Blob, kept: Callable[[bytes], Blob]) -> Json:
     """What a manifest says of a map's parts, each of which was `kept`. Raises InputError."""
     return {
-        "encoder": {**_told(encoder), "identity": encoder_identity(floor_map)},
+        "encoder": {**asdict(encoder), "identity": encoder_identity(floor_map)},
         "tiles": [
-            {**_told(kept(tile.content)), "spots": tile.spots, "square": list(tile.square)}
+            {**asdict(kept(tile.content)), "spots": tile.spots, "square": list(tile.square)}
             for tile in tiles_of(floor_map)
         ],
         "features": [
-            {**_told(kept(each.content)), "spots": each.spots, "walk": each.walk}
+            {**asdict(kept(each.content)), "spots": each.spots, "walk": each.walk}
             for each in stretches_of(floor_map)
         ],
     }
@@ -201,19 +201,74 @@ def _kept(
     )
     session.merge(
         MapPackage(
-            map_id=found.id,
-            sources_sha256=sources.sha256,
-            revision=revision,
-            manifest=manifest,
+            map_id=found.id, sources_sha256=sources.sha256, revision=revision, manifest=manifest
         )
     )
     return manifest, [sha256 for sha256 in before if sha256 not in sizes]
 
 
-def _told(blob: Blob) -> Json:
-    return {"sha256": blob.sha256, "size_bytes": blob.size_bytes}
-
-
 def _text(told: object) -> str:
     return json.dumps(told, sort_keys=True, ensure_ascii=False, allow_nan=False,
                       separators=(",", ":"))  # fmt: skip
+
+
+router = APIRouter(tags=["packages"])
+public = APIRouter(tags=["packages"])
+"""The key is no secret, and who has nothing but a link needs it."""
+BINARY = "application/octet-stream"
+
+
+class KeyBody(BaseModel):
+    """The public key (SPKI, base64) and its SHA-256 (base64url) as pairing addresses carry it."""
+
+    spki: str
+    key: str
+
+
+class PackageBody(BaseModel):
+    """The exact text of a manifest, and its signature: ECDSA P-256 SHA-256, r and s, base64."""
+
+    manifest: str
+    signature: str
+
+
+@public.get("/key", operation_id="get_key")
+def get_key(services: ServicesDep) -> KeyBody:
+    """The key that signs map packages. Trust it only if its SHA-256 is the one of your address."""
+    key = signing_key(services.settings.authority_folder)
+    return KeyBody(spki=base64.b64encode(spki_of(key)).decode(), key=fingerprint(key))
+
+
+@router.get("/maps/{map_id}/package", operation_id="get_package")
+def get_package(map_id: str, asker: Asks, services: ServicesDep) -> PackageBody:
+    """What a phone needs to locate in a map, by digests; the phone fetches the parts it lacks."""
+    try:
+        manifest = published_manifest(services, map_id) or package_of(services, asker, map_id)
+    except FileNotFoundError as error:
+        raise not_found("map") from error
+    key = signing_key(services.settings.authority_folder)
+    signature = base64.b64encode(sign(key, manifest.encode())).decode()
+    return PackageBody(manifest=manifest, signature=signature)
+
+
+@router.get(
+    "/maps/{map_id}/package/{sha256}",
+    operation_id="get_package_part",
+    response_class=FileResponse,
+    responses={200: {"content": {BINARY: {}}}},
+)
+def get_package_part(map_id: str, sha256: str, asker: Asks, services: ServicesDep) -> Response:
+    """A tile, the encoder, or the floor plan of a map's package."""
+    headers = {"ETag": f'"{sha256}"'}
+    content = published_part(services, map_id, sha256)
+    if content is not None:
+        return Response(content, media_type=BINARY, headers=headers)
+    files = select(MapFile.sha256).where(
+        MapFile.map_id == map_id, or_(MapFile.name == ENCODER, MapFile.name == FLOOR_PLAN)
+    )
+    parts = union_all(files, select(MapPart.sha256).where(MapPart.map_id == map_id))
+    with reading(services.sessions) as session:
+        map_for(session, asker, map_id)
+        if sha256 not in session.scalars(parts).all():
+            raise not_found("part of this map")
+    return sent_blob(services.settings, sha256, "part of this map", BINARY, headers=headers)

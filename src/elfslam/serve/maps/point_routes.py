@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Annotated
 
 from fastapi import APIRouter
@@ -25,9 +26,10 @@ from elfslam.serve.settings import ServerSettings
 from elfslam.serve.sharing.rights import Asks, Right, map_for
 from elfslam.serve.store import blobs
 from elfslam.serve.store.blobs import Blob
-from elfslam.serve.store.database import MapFile, reading, transaction
+from elfslam.serve.store.database import reading, transaction
 from elfslam.serve.store.quota import drop_unnamed
 from elfslam.serve.store.sending import scratch_file
+from elfslam.serve.store.tables import MapFile
 from elfslam.serve.texts import plain_line
 
 router = APIRouter(tags=["maps"], prefix="/maps/{map_id}/points-of-interest")
@@ -135,8 +137,7 @@ def _replace(session: Session, map_id: str, older: MapFile | None, table: Blob |
         session.delete(older)
         session.flush()
     if table is not None:
-        told = {"sha256": table.sha256, "size_bytes": table.size_bytes}
-        session.add(MapFile(map_id=map_id, name=POINTS_OF_INTEREST, **told))
+        session.add(MapFile(map_id=map_id, name=POINTS_OF_INTEREST, **asdict(table)))
         session.flush()
 
 

@@ -1,33 +1,54 @@
-"""Routes of maps: look at them, take them home, delete them."""
+"""Routes of maps: look at them, change them, take them home in any format, delete them."""
 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Annotated
+from dataclasses import MISSING, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 from fastapi import APIRouter, Query, Response
 from fastapi.responses import FileResponse, StreamingResponse
-from pydantic import BaseModel
+from pydantic import BaseModel, Field
+from sqlalchemy import select
 
 from elfslam.base.enums import Format
-from elfslam.base.errors import ElfslamError
+from elfslam.base.errors import ElfslamError, ParameterError
+from elfslam.data.geographic import Origin, parse_origin
+from elfslam.data.imdf import Venue
+from elfslam.data.map_files import ENCODER, FACTS
 from elfslam.serve.jobs.tasks import Named, file_name, folder_of_map
-from elfslam.serve.maps.bodies import MapBody, bodies_of, body_of
-from elfslam.serve.maps.exports import HEAVY, ExportOptions, exported, formats_of, placed
+from elfslam.serve.maps.bodies import MapBody, bodies_of, body_of, level_of
 from elfslam.serve.maps.view import view_of
 from elfslam.serve.people.access import Me, not_found
-from elfslam.serve.positions.whose import settled_map
+from elfslam.serve.positions.routes import settled_map
+from elfslam.serve.positions.values import MapOrigin
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.services import Services, ServicesDep
-from elfslam.serve.sharing.rights import Asks, Principal, Right, map_for, seen_by
+from elfslam.serve.settings import ServerSettings
+from elfslam.serve.sharing.rights import (
+    TOO_LITTLE,
+    Asks,
+    Principal,
+    Right,
+    map_for,
+    right_in,
+    seen_by,
+)
 from elfslam.serve.store import blobs
-from elfslam.serve.store.database import Map, reading, transaction
-from elfslam.serve.store.derived import forget_maps
-from elfslam.serve.store.quota import drop_unnamed
-from elfslam.serve.store.sending import ZIP, sent, sent_blob, unfolded
+from elfslam.serve.store.database import reading, transaction
+from elfslam.serve.store.quota import drop_unnamed, forget_maps
+from elfslam.serve.store.sending import ZIP, pieces, sent, sent_blob, unfolded
+from elfslam.serve.store.tables import Map
 from elfslam.serve.store.zips import packed
+from elfslam.serve.texts import AsNumber, AsWhole, Deleted, Many
+from elfslam.serve.texts import Line as TextLine
+
+if TYPE_CHECKING:
+    from elfslam.app.export import ExportContext
 
 router = APIRouter(tags=["maps"])
 REPORT = "report.html"
@@ -43,6 +64,107 @@ REPORT_POLICY = "; ".join(
     )
 )
 """A report is a page of its own: its scripts draw, and reach neither the server nor the cookie."""
+BINARY = "application/octet-stream"
+FILES = {
+    Format.TUM: (".tum", "text/plain"),
+    Format.G2O: (".g2o", "text/plain"),
+    Format.ONNX: (".onnx", BINARY),
+    Format.GEOJSON: (".geojson", "application/geo+json"),
+    Format.IMDF: (".imdf.zip", ZIP),
+    Format.ROS: (".yaml", ZIP),
+    Format.PARQUET: (".parquet", BINARY),
+}
+"""How the file of a format ends, and what it is."""
+HEAVY = ("echoes.npz", "features.npz")
+"""Files of a run that no export reads; an hour's echoes fill much memory."""
+OPTION = re.compile(r"--(\w+)")
+
+
+class ExportOptions(BaseModel):
+    """What no map knows and some formats ask for."""
+
+    origin: str | None = Field(None, description="LAT,LON[,BEARING_DEG] of the map's origin")
+    resolution_m: Annotated[float | None, AsNumber] = Field(
+        None, description="side of a pixel of ros", allow_inf_nan=False
+    )
+    name: TextLine | None = Field(None, description="of the venue, for imdf; so are those below")
+    category: TextLine | None = None
+    address: TextLine | None = None
+    locality: TextLine | None = None
+    country: TextLine | None = None
+    level: TextLine | None = None
+    ordinal: Annotated[int | None, AsWhole] = Field(None, ge=-100, le=1000)
+    level_short_name: TextLine | None = None
+    province: TextLine | None = None
+    postal_code: TextLine | None = None
+    language: TextLine | None = None
+
+
+def formats_of(named: Named) -> list[Format]:
+    """What a map can become that consists of these files."""
+    lacking = {Format.G2O: FACTS not in named, Format.ONNX: ENCODER not in named}
+    return [each for each in Format if not lacking.get(each, False)]
+
+
+def exported(
+    settings: ServerSettings,
+    found: Map,
+    named: Named,
+    to: Format,
+    asked: ExportOptions,
+    origin: MapOrigin | None,
+) -> tuple[Iterator[bytes], str, str]:
+    """A map as the pieces of a file, that file's name and media type. Raises Problem 422."""
+    from elfslam.app.export import export
+
+    suffix, media_type = FILES[to]
+    light = {file: sha256 for file, sha256 in named.items() if file not in HEAVY}
+    with unfolded(settings, light) as folder:
+        made = folder.parent / "made"
+        made.mkdir()
+        out = made / f"{file_name(found.name)}{suffix}"
+        try:
+            export(folder, out, to, context_of(asked, to, found, origin))
+        except ElfslamError as error:
+            raise Problem(422, _in_words(error, folder, out, found.name)) from error
+        files = {each.name: each for each in sorted(made.iterdir())}
+        if len(files) > 1:
+            return packed(files), f"{out.stem}.{to}.zip", ZIP
+        return pieces(out.open("rb")), out.name, media_type
+
+
+def context_of(
+    asked: ExportOptions, to: Format, found: Map, known: MapOrigin | None
+) -> ExportContext:
+    """What was asked for, or else is known of the venue and of where the map lies.
+
+    Raises ParameterError, naming what is missing.
+    """
+    from elfslam.app.export import ExportContext
+
+    origin = None if known is None else Origin(**known.model_dump())
+    if asked.origin is not None:
+        origin = parse_origin(asked.origin)
+    pixel_m = ExportContext.pixel_m if asked.resolution_m is None else asked.resolution_m
+    return ExportContext(origin, _place(asked, found) if to is Format.IMDF else None, pixel_m)
+
+
+def _place(asked: ExportOptions, found: Map) -> Venue:
+    known = {"name": found.venue, "level": found.floor, "ordinal": level_of(found.floor)}
+    given = known | asked.model_dump(exclude_none=True)
+    told = {
+        each.name: given[each.name] for each in fields(Venue) if given.get(each.name) is not None
+    }
+    needed = (each.name for each in fields(Venue) if each.default is MISSING)
+    if missing := [name for name in needed if name not in told]:
+        raise ParameterError(f"--{missing[0]}: imdf asks for {', '.join(missing)} of the venue")
+    return Venue(**told)
+
+
+def _in_words(error: ElfslamError, folder: Path, out: Path, name: str) -> str:
+    """The line of an error without folders of this server, options as parts of a query."""
+    line = str(error).replace(str(out), out.name).replace(str(folder), name)
+    return OPTION.sub(r"\1", line).replace("resolution:", "resolution_m:")
 
 
 class WalkView(BaseModel):
@@ -175,8 +297,8 @@ def export_map(
     """
     with _folder(services, asker, map_id) as (found, named):
         with reading(services.sessions) as session:
-            known = placed(asked, found, settled_map(session, found).origin)
-        return sent(*exported(services.settings, found.name, named, to, known))
+            origin = settled_map(session, found).origin
+        return sent(*exported(services.settings, found, named, to, asked, origin))
 
 
 @contextmanager
@@ -189,3 +311,84 @@ def _folder(services: Services, asker: Principal, map_id: str) -> Iterator[tuple
         yield found, named
     except FileNotFoundError as error:
         raise not_found("map") from error
+
+
+class MapChange(BaseModel):
+    """What a map is to be called and where it lies; what is left out stays, null is nowhere."""
+
+    name: TextLine | None = None
+    venue: TextLine | None = None
+    floor: TextLine | None = None
+
+
+class PlaceChange(BaseModel):
+    """A venue, or one floor of it, and what it is to be called."""
+
+    venue: TextLine
+    floor: TextLine | None = None
+    name: TextLine
+
+
+class Changed(BaseModel):
+    """How many maps lie there."""
+
+    maps: int
+
+
+@router.patch("/maps/{map_id}", operation_id="change_map")
+def change_map(map_id: str, given: MapChange, asker: Asks, services: ServicesDep) -> MapBody:
+    """Call a map otherwise, or lay it on a floor of a venue."""
+    with transaction(services.sessions) as session:
+        found = map_for(session, asker, map_id, Right.EDIT)
+        change(found, given)
+        session.flush()
+        return body_of(session, asker, found)
+
+
+def change(found: Map, given: MapChange) -> None:
+    """Change the row of a map. Raises Problem 422."""
+    told = given.model_dump(include=given.model_fields_set)
+    if told.get("name", found.name) is None:
+        raise Problem(422, "name: got none; a map has to be called something")
+    venue, floor = told.get("venue", found.venue), told.get("floor", found.floor)
+    if venue is None and told.get("floor") is not None:
+        raise Problem(422, "floor: it is a floor of no venue; name the venue as well")
+    found.name = told.get("name", found.name)
+    found.venue, found.floor = venue, None if venue is None else floor
+
+
+@router.patch("/places", operation_id="rename_place")
+def rename_place(given: PlaceChange, user: Me, services: ServicesDep) -> Changed:
+    """Call a venue or a floor otherwise, on every map there that you may edit."""
+    there = select(Map).where(seen_by(user.id), Map.venue == given.venue)
+    if given.floor is not None:
+        there = there.where(Map.floor == given.floor)
+    asker = Principal(user.id)
+    with transaction(services.sessions) as session:
+        found = session.scalars(there).all()
+        maps = [each for each in found if right_in(session, asker, each) >= Right.EDIT]
+        if not maps:
+            raise Problem(403, TOO_LITTLE[Right.EDIT]) if found else not_found("place")
+        for each in maps:
+            if given.floor is None:
+                each.venue = given.name
+            else:
+                each.floor = given.name
+    return Changed(maps=len(maps))
+
+
+@router.post("/maps/delete", operation_id="delete_maps")
+def delete_maps(given: Many, user: Me, services: ServicesDep) -> Deleted:
+    """Delete many of your maps at once, or none where one is somebody else's.
+
+    What is not there is passed over.
+    """
+    asker = Principal(user.id)
+    with transaction(services.sessions) as session:
+        seen = select(Map).where(seen_by(user.id), Map.id.in_(given.ids))
+        found = session.scalars(seen).all()
+        if any(right_in(session, asker, each) < Right.OWN for each in found):
+            raise Problem(403, TOO_LITTLE[Right.OWN])
+        named = forget_maps(session, [each.id for each in found])
+    drop_unnamed(services, named)
+    return Deleted(count=len(found))

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from elfslam.serve.nearest.build import build_index
-from elfslam.serve.nearest.changes import absorb, add_map, remove_map
-from elfslam.serve.nearest.exact import exact_search
-from elfslam.serve.nearest.folder import newest_revision, read_meta, verify
-from elfslam.serve.nearest.parameters import NearestParameters
-from elfslam.serve.nearest.search import Index, open_index
-from elfslam.serve.nearest.vote import MapCandidate, Naming, VoteParameters, which_map
+from elfslam.serve.nearest.build import absorb, add_map, build_index, remove_map
+from elfslam.serve.nearest.folder import NearestParameters, newest_revision, read_meta
+from elfslam.serve.nearest.search import (
+    Index,
+    MapCandidate,
+    Naming,
+    VoteParameters,
+    exact_search,
+    open_index,
+    which_map,
+)
 
 __all__ = [
     "Index",
@@ -24,6 +28,5 @@ __all__ = [
     "open_index",
     "read_meta",
     "remove_map",
-    "verify",
     "which_map",
 ]

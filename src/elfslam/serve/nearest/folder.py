@@ -1,4 +1,4 @@
-"""An index as a folder: what it holds stands in one JSON file per revision.
+"""An index as a folder: what it holds stands in one JSON file per revision, spots as unit rows.
 
 A change writes new files and then the next `nearest-NNNNNN.json`; no file is ever changed in place,
 so that whoever has the folder open goes on with the revision it has.
@@ -9,16 +9,146 @@ from __future__ import annotations
 import json
 import os
 import secrets
+import shutil
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from elfslam.base.arrays import I64, Bool
-from elfslam.base.errors import InputError, StoreError
+from elfslam.base.arrays import F32, I64, Bool
+from elfslam.base.errors import InputError, ParameterError, StoreError
+from elfslam.base.parameters import parameter
 from elfslam.data.atomic_files import sha256_of
-from elfslam.serve.nearest.parameters import NearestParameters
+
+KINDS = ("flat", "ivf-flat", "ivf-pq", "hnsw")
+
+
+@dataclass(frozen=True)
+class NearestParameters:
+    """How an index is built and searched; `effort` is what a search can be asked to change.
+
+    The kinds: flat looks at every spot (no extra needed); ivf-flat looks at the cells next to the
+    query (Sivic and Zisserman, ICCV 2003), ivf-pq at codes in them (Jegou et al., TPAMI 33, 2011);
+    hnsw walks along a graph of neighbours (Malkov and Yashunin, TPAMI 42, 2020).
+    """
+
+    kind: str = parameter("ivf-flat", "", f"{', '.join(KINDS[:-1])} or {KINDS[-1]}")
+    cells: int = parameter(
+        0, "", "cells of an ivf index; 0: the power of two above the root of the spots", low=0
+    )
+    effort: int = parameter(
+        32, "", "cells (ivf) or open ends (hnsw) that a search looks at", low=1, high=65536
+    )
+    code_bytes: int = parameter(32, "bytes", "of a spot's code in ivf-pq", low=1, high=128)
+    refine: int = parameter(
+        0, "", "candidates for each answer of ivf-pq that are compared in full; 0: none", low=0
+    )
+    links: int = parameter(16, "", "neighbours of a spot in hnsw", low=4, high=128)
+    breadth: int = parameter(80, "", "open ends while an hnsw index is built", low=8, high=2000)
+    examples: int = parameter(40, "", "spots per cell that the cells are learnt from", low=1)
+    seed: int = parameter(0, "", "of the choice of these", low=0)
+
+
+def checked(parameters: NearestParameters, size: int) -> NearestParameters:
+    """The same parameters. Raises ParameterError where they do not go with vectors of `size`."""
+    if parameters.kind not in KINDS:
+        raise ParameterError(
+            f"nearest.kind: wanted {', '.join(KINDS)}, got {parameters.kind!r}; name one of them"
+        )
+    if parameters.kind == "ivf-pq" and size % parameters.code_bytes:
+        raise ParameterError(
+            f"nearest.code_bytes: wanted a divisor of {size}, got {parameters.code_bytes}; "
+            "for example 32"
+        )
+    return parameters
+
+
+Rows = npt.NDArray[Any]
+BLOCK_ROWS = 65_536
+LENGTH_TOLERANCE = 5e-3
+"""Half precision moves the length of a row by less."""
+
+
+def check_rows(rows: Rows, size: int | None, name: str) -> Rows:
+    """The same rows (n, size). Raises InputError for another shape, NaN and rows not of length 1.
+
+    `size` None takes any width.
+    """
+    wanted = "n" if size is None else str(size)
+    if rows.ndim != 2 or rows.dtype.kind != "f" or (size is not None and rows.shape[1] != size):
+        raise InputError(
+            f"{name}: wanted numbers (n, {wanted}), got {rows.dtype} {rows.shape}; "
+            "use the encoder that the index was made with"
+        )
+    for first in range(0, len(rows), BLOCK_ROWS):
+        length = np.linalg.norm(rows[first : first + BLOCK_ROWS].astype(np.float32), axis=1)
+        bad = ~(np.abs(length - 1.0) <= LENGTH_TOLERANCE)
+        if bad.any():
+            row = int(np.argmax(bad))
+            raise InputError(
+                f"{name}: wanted rows of length 1, got {length[row]:.3g} in row {first + row}; "
+                "normalise the rows and drop those without echoes"
+            )
+    return rows
+
+
+def read_rows(file: Path) -> Rows:
+    """The rows of a .npy file, mapped. Raises StoreError where it is missing or cut off."""
+    try:
+        return np.asarray(np.load(file, mmap_mode="r", allow_pickle=False))
+    except (OSError, ValueError, EOFError) as cause:
+        reason = str(cause).splitlines()[0]
+        raise StoreError(f"{file}: cannot be read ({reason}); copy or build it again") from cause
+
+
+def write_rows(file: Path, rows: Rows) -> None:
+    """The rows in half precision, flushed to the disk."""
+    with file.open("wb") as stream:
+        np.save(stream, rows.astype(np.float16, copy=False))
+        stream.flush()
+        os.fsync(stream.fileno())
+
+
+def place_rows(given: Rows | Path, file: Path) -> None:
+    """A shard put into a folder: rows are written, a file is linked or copied."""
+    if not isinstance(given, Path):
+        write_rows(file, given)
+    elif read_rows(given).dtype != np.float16:
+        write_rows(file, read_rows(given))
+    else:
+        try:
+            os.link(given.resolve(), file)
+        except OSError:
+            shutil.copyfile(given, file)
+
+
+def loaded(given: Rows | Path) -> Rows:
+    """A shard as rows: given as they are, or in a file."""
+    return read_rows(given) if isinstance(given, Path) else np.asarray(given)
+
+
+def blocks(shards: Sequence[Rows], size: int = BLOCK_ROWS) -> Iterator[tuple[int, F32]]:
+    """The number of the first row, and the rows, of block after block of all shards."""
+    offset = 0
+    for shard in shards:
+        for first in range(0, len(shard), size):
+            yield offset + first, np.asarray(shard[first : first + size], dtype=np.float32)
+        offset += len(shard)
+
+
+def take(shards: Sequence[Rows], ids: I64) -> F32:
+    """The rows (n, size) with these numbers."""
+    ends = np.cumsum([len(shard) for shard in shards])
+    which = np.searchsorted(ends, ids, side="right")
+    found = np.empty((len(ids), shards[0].shape[1]), dtype=np.float32)
+    for k in np.unique(which):
+        here = which == k
+        found[here] = shards[k][ids[here] - (ends[k] - len(shards[k]))]
+    return found
+
 
 FORMAT = 1
 
@@ -160,15 +290,6 @@ def check_files(folder: Path, meta: Meta) -> None:
             raise StoreError(
                 f"{file}: wanted {each.bytes} bytes, got {got}; copy or build the index again"
             )
-
-
-def verify(folder: Path) -> None:
-    """Read all of an index. Raises StoreError for a file whose digest is another."""
-    meta = read_meta(folder)
-    check_files(folder, meta)
-    for each in meta.files:
-        if sha256_of(folder / each.name) != each.sha256:
-            raise StoreError(f"{folder / each.name}: was damaged; copy or build the index again")
 
 
 def check_encoder(meta: Meta, encoder: str) -> None:

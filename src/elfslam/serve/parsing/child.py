@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from elfslam.base.errors import InputError
-from elfslam.serve.store.disk_room import FULL_ERRORS
+from elfslam.serve.store.blobs import FULL_ERRORS
 
 DISK_FULL = 28
 """How a child exits where nothing more fits."""

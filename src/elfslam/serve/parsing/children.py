@@ -1,20 +1,24 @@
-"""Starts the children that parse files from outside, and tells what each of them found.
+"""Starts the children that parse files from outside, in fair turns, and tells what they found.
 
 A file from outside may make its reader slow, large or worse; the server must not suffer from it.
 """
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
 import signal
 import subprocess
 import tempfile
 import threading
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
-from typing import IO, Any
+from typing import IO, Any, TypeVar
+
+from anyio import CapacityLimiter, to_thread
 
 from elfslam.app.workers.child import Child
 from elfslam.base.errors import InputError
@@ -99,3 +103,86 @@ def _failure(code: int, bounds: Bounds, errors: IO[bytes]) -> Exception:
     said = errors.read().decode(errors="replace").strip().splitlines()
     last = said[-1] if said else f"exit code {code}"
     return Problem(503, f"it could not be read now ({last:.200}); try again", {"Retry-After": "5"})
+
+
+AT_ONCE, OF_ONE = 3, 2
+"""Whoever takes all turns that one user has leaves one to others."""
+WAITING, PATIENCE_S = 10, 60.0
+"""So many of one user's requests wait, each for so long."""
+T = TypeVar("T")
+
+
+class Turns:
+    """Turns of one kind of work, in threads of their own, so that no other answer waits for one.
+
+    Of those who wait, the next is one of whoever has the fewest at work, the first who came.
+    """
+
+    def __init__(
+        self, at_once: int = AT_ONCE, of_one: int = OF_ONE, patience_s: float = PATIENCE_S
+    ) -> None:
+        self._at_once, self._of_one, self._patience_s = at_once, of_one, patience_s
+        self._threads = CapacityLimiter(at_once)
+        self._working, self._present = Counter[str](), Counter[str]()
+        self._queue: list[tuple[str, asyncio.Event]] = []
+
+    @contextmanager
+    def place(self, user: str) -> Iterator[None]:
+        """A place in the queue, for what holds something while it waits. Raises Problem 429."""
+        if self._present[user] >= self._of_one + WAITING:
+            raise self._too_many()
+        self._present[user] += 1
+        try:
+            yield
+        finally:
+            self._leave(self._present, user)
+
+    async def run(self, user: str, work: Callable[[], T]) -> T:
+        """What the work gives, once it is this user's turn. Raises Problem 429 after a while."""
+        await self._turn(user)
+        try:
+            return await to_thread.run_sync(work, limiter=self._threads)
+        finally:
+            self._leave(self._working, user)
+            self._admit()
+
+    async def _turn(self, user: str) -> None:
+        """Wait for a turn, which then is taken."""
+        mine = (user, asyncio.Event())
+        self._queue.append(mine)
+        self._admit()
+        try:
+            async with asyncio.timeout(self._patience_s):
+                await mine[1].wait()
+        except BaseException as error:
+            if mine in self._queue:
+                self._queue.remove(mine)
+            else:
+                self._leave(self._working, user)
+                self._admit()
+            if isinstance(error, TimeoutError):
+                raise self._too_many() from error
+            raise
+
+    def _admit(self) -> None:
+        """Give the turns that are free to those who may have one."""
+        while self._working.total() < self._at_once:
+            waiting = [each for each in self._queue if self._working[each[0]] < self._of_one]
+            if not waiting:
+                return
+            user, given = chosen = min(waiting, key=lambda each: self._working[each[0]])
+            self._queue.remove(chosen)
+            self._working[user] += 1
+            given.set()
+
+    def _leave(self, count: Counter[str], user: str) -> None:
+        count[user] -= 1
+        if not count[user]:
+            del count[user]
+
+    def _too_many(self) -> Problem:
+        return Problem(
+            429,
+            f"{self._of_one} files of yours are being read and others wait; send it again later",
+            {"Retry-After": "10"},
+        )

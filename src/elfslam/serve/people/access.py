@@ -15,11 +15,11 @@ from sqlalchemy import bindparam, select
 from sqlalchemy.engine import Connection
 from sqlalchemy.orm import Session
 
-from elfslam.serve.people.rates import Rates
 from elfslam.serve.problems import Problem
-from elfslam.serve.services import ServicesDep
+from elfslam.serve.services import Rates, ServicesDep
 from elfslam.serve.settings import COOKIE
-from elfslam.serve.store.database import User, reading
+from elfslam.serve.store.database import reading
+from elfslam.serve.store.tables import User
 
 TOKEN_BYTES = 32
 KNOWN = select(User.id).where(User.token_sha256 == bindparam("sha256"))

@@ -1,16 +1,17 @@
-"""Routes of users: who I am, and whom the owner lets in."""
+"""Routes of users: who I am, one more device of mine, and whom the owner lets in."""
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from datetime import datetime
 
 from fastapi import APIRouter, Request, Response
-from pydantic import BaseModel
+from pydantic import BaseModel, Field
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from elfslam.serve.network.reach import url_for_others
-from elfslam.serve.network.signing import pairing_fragment
+from elfslam.serve.network.addresses import url_for_others
+from elfslam.serve.network.authority import pairing_fragment
 from elfslam.serve.people.access import (
     Me,
     Owner,
@@ -20,11 +21,12 @@ from elfslam.serve.people.access import (
     not_found,
     token_sha256,
 )
-from elfslam.serve.problems import Problem, problems
+from elfslam.serve.problems import EVERYWHERE, Problem, problems
 from elfslam.serve.services import Services, ServicesDep
-from elfslam.serve.settings import COOKIE, ServerSettings, told_limits
-from elfslam.serve.store.database import User, reading, transaction
+from elfslam.serve.settings import COOKIE, ServerSettings
+from elfslam.serve.store.database import reading, transaction
 from elfslam.serve.store.quota import delete_user, used_bytes
+from elfslam.serve.store.tables import User
 from elfslam.serve.texts import Line
 
 router = APIRouter(tags=["users"])
@@ -121,13 +123,12 @@ def rename_me(given: UserName, mine: Me, services: ServicesDep) -> MeBody:
 
 
 def _me(services: Services, session: Session, user: User) -> MeBody:
-    limits = told_limits(services.settings.limits)
     return MeBody(
         id=user.id,
         name=user.name,
         is_owner=user.is_owner,
         used_bytes=used_bytes(services, session, user.id),
-        limits=limits,
+        limits=asdict(services.settings.limits),
     )
 
 
@@ -198,3 +199,40 @@ def set_owner_token(services: Services, token: str) -> User:
             session.add(user)
         user.token_sha256 = token_sha256(token)
     return user
+
+
+public = APIRouter(tags=["users"])
+"""For who has nothing but a code."""
+
+
+class PairingCode(BaseModel):
+    """The address that pairs another device: once, and for so many seconds."""
+
+    url: str
+    expires_s: float
+
+
+class GivenCode(BaseModel):
+    """A code from the address that `POST /api/pairing` gave."""
+
+    code: str = Field(max_length=100)
+
+
+@router.post("/pairing", status_code=201, operation_id="pair_device", responses=problems(409))
+def pair_device(_user: Me, token: Token, services: ServicesDep, request: Request) -> PairingCode:
+    """An address that pairs one more device with whoever asks; its code is used up by that."""
+    url = url_for_others(str(request.base_url), services.settings)
+    code = services.codes.make(token)
+    fragment = pairing_fragment(code, services.settings.authority_folder, name="code")
+    return PairingCode(url=url + fragment, expires_s=services.codes.lasts_s)
+
+
+@public.post(
+    "/session/code", status_code=204, operation_id="begin_session_by_code", responses=EVERYWHERE
+)
+def begin_session_by_code(given: GivenCode, services: ServicesDep) -> Response:
+    """Redeem a code for a cookie that scripts cannot read."""
+    token = services.codes.redeem(given.code)
+    if token is None:
+        raise Problem(401, "this code was used or is too old; make another one at the desk")
+    return session_of(token, services.settings)

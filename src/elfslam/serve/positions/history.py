@@ -11,12 +11,11 @@ from sqlalchemy import delete, insert, or_, select
 from sqlalchemy.exc import IntegrityError, OperationalError, SQLAlchemyError
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
-from elfslam.serve.buildings.tables import Floor
-from elfslam.serve.positions.tables import KeptPosition
 from elfslam.serve.positions.values import LivePosition
 from elfslam.serve.problems import LOG
 from elfslam.serve.services import Services
-from elfslam.serve.store.database import Map, User, now_utc, reading, transaction
+from elfslam.serve.store.database import reading, transaction
+from elfslam.serve.store.tables import Floor, KeptPosition, Map, User, now_utc
 
 EVERY_S = 1.0
 """A server that is killed loses what came in this time."""

@@ -2,22 +2,100 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 import threading
 from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote, urlsplit
 
 from elfslam.base.errors import InputError
 from elfslam.base.extras import installing
-from elfslam.serve.positions.mqtt_address import Broker
-from elfslam.serve.positions.values import LivePosition
-from elfslam.serve.problems import LOG
-from elfslam.serve.services import Services
+from elfslam.base.urls import shown_url
 
 if TYPE_CHECKING:
     from paho.mqtt.client import Client
+
+    from elfslam.serve.positions.values import LivePosition
+    from elfslam.serve.services import Services
+
+LOG = logging.getLogger("elfslam.serve")
+PORTS = {"mqtt": 1883, "mqtts": 8883}
+FORBIDDEN = "+#\0"
+"""In topics: wildcards, and what no broker takes."""
+
+
+@dataclass(frozen=True)
+class Broker:
+    """Where and how to publish. `authority`: whom to trust over TLS; by default the system's."""
+
+    host: str
+    port: int
+    prefix: str
+    is_secure: bool = False
+    user: str | None = None
+    password: str | None = field(default=None, repr=False)
+    authority: Path | None = None
+
+    @property
+    def shown(self) -> str:
+        """The address without anything secret."""
+        return f"mqtt{'s' if self.is_secure else ''}://{self.host}:{self.port}/{self.prefix}"
+
+    def topic(self, map_id: str, walker: str) -> str:
+        """Where the positions of a walker in a map are published."""
+        return f"{self.prefix}/{map_id}/{walker}"
+
+
+def parse_broker(
+    url: str, credentials: Path | None = None, authority: Path | None = None
+) -> Broker:
+    """The broker of mqtt[s]://[USER:PASSWORD@]HOST[:PORT]/PREFIX. Raises InputError.
+
+    `credentials` is a file of one line, USER:PASSWORD.
+    """
+    try:
+        parts = urlsplit(url)
+        host, port = parts.hostname or "", parts.port
+    except ValueError:
+        parts, host, port = urlsplit(""), "", None
+    prefix = unquote(parts.path).strip("/")
+    good = parts.scheme in PORTS and host and prefix and not set(prefix) & set(FORBIDDEN)
+    if not good or parts.query or parts.fragment or port == 0:
+        raise InputError(
+            f"broker {shown_url(url):.80}: wanted mqtt[s]://HOST[:PORT]/PREFIX, the prefix without "
+            "+ and #, such as mqtts://broker.example.org/elfslam",
+            argument="mqtt",
+        )
+    if authority is not None and not authority.is_file():
+        raise InputError(
+            f"{authority}: there is no such file; give a PEM file", argument="mqtt_authority"
+        )
+    user, password = _credentials(parts.username, parts.password, credentials)
+    is_secure = parts.scheme == "mqtts"
+    return Broker(host, port or PORTS[parts.scheme], prefix, is_secure, user, password, authority)
+
+
+def _credentials(
+    user: str | None, password: str | None, file: Path | None
+) -> tuple[str | None, str | None]:
+    if file is None:
+        told = None if password is None else unquote(password)
+        return (None if user is None else unquote(user)), told
+    try:
+        user, colon, password = file.read_text(encoding="utf-8").rstrip("\r\n").partition(":")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"{file}: cannot be read; give a text file", argument="mqtt_credentials"
+        ) from error
+    if not (user and colon) or "\n" in password:
+        raise InputError(f"{file}: wanted one line, USER:PASSWORD", argument="mqtt_credentials")
+    return user, password
+
 
 MOST_WAITING = 1000
 """Positions; the oldest give way."""
@@ -119,7 +197,7 @@ def client_of(broker: Broker) -> Client:
         from paho.mqtt.client import Client
         from paho.mqtt.enums import CallbackAPIVersion
     except ModuleNotFoundError as error:
-        raise InputError(f"--mqtt: paho-mqtt is missing; {installing('serve')}") from error
+        raise InputError(f"paho-mqtt is missing; {installing('serve')}", argument="mqtt") from error
     client = Client(CallbackAPIVersion.VERSION2)
     client.connect_timeout = CONNECT_S
     client.reconnect_delay_set(FIRST_PAUSE_S, LONGEST_PAUSE_S)
@@ -130,7 +208,8 @@ def client_of(broker: Broker) -> Client:
             client.tls_set(None if broker.authority is None else str(broker.authority))
         except OSError as error:
             raise InputError(
-                f"--mqtt-authority {broker.authority}: holds no certificates; give a PEM file"
+                f"{broker.authority}: holds no certificates; give a PEM file",
+                argument="mqtt_authority",
             ) from error
     return client
 

@@ -1,22 +1,84 @@
-"""Routes of live positions: tell mine, see those of a map, listen; and my own history."""
+"""Routes of live positions, of my own history and of a map's owner; and who may use them.
+
+Whoever may see a map may see who is there and be located in it; that is asked of `map_for` alone.
+In a published floor everybody is located, and the server's owner sees it.
+"""
 
 from __future__ import annotations
 
+import secrets
+from dataclasses import asdict, dataclass
+from datetime import datetime
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Response
 from fastapi.responses import StreamingResponse
-from pydantic import AwareDatetime
+from pydantic import AwareDatetime, BaseModel, Field
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
-from elfslam.serve.people.access import Me, refuse_haste
+from elfslam.serve.people.access import Me, known_id, not_found, refuse_haste
 from elfslam.serve.positions.history import delete_history, history_of
-from elfslam.serve.positions.streaming import MEDIA_TYPE, stream_of
-from elfslam.serve.positions.values import LivePosition, MapId, NewPositions, told_of
-from elfslam.serve.positions.whose import seen_map, walked_map
+from elfslam.serve.positions.hub import MEDIA_TYPE, stream_of
+from elfslam.serve.positions.values import LivePosition, MapId, MapOrigin, NewPositions, told_of
+from elfslam.serve.positions.webhooks import address_of, target_of
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.services import Services, ServicesDep
-from elfslam.serve.store.database import User, now_utc, reading
+from elfslam.serve.sharing.rights import Principal, Right, map_for
+from elfslam.serve.store.database import reading, transaction
+from elfslam.serve.store.tables import Floor, Map, MapPositions, User, Webhook, now_utc
+from elfslam.serve.texts import Line
+
+
+@dataclass(frozen=True)
+class WalkedMap:
+    """A map in which walkers are located: whether it takes positions, and where it lies."""
+
+    id: str
+    is_on: bool = True
+    origin: MapOrigin | None = None
+
+
+def seen_map(session: Session, user: User, map_id: str) -> WalkedMap:
+    """A map whose live positions the user may see. Raises Problem 404."""
+    if user.is_owner and _is_floor(session, known_id(map_id, "map")):
+        return WalkedMap(map_id)
+    return settled_map(session, map_for(session, Principal(user.id), map_id))
+
+
+def walked_map(session: Session, user: User, map_id: str) -> WalkedMap:
+    """A map in which the user may tell where they are. Raises Problem 404, 409."""
+    if _is_floor(session, map_id):
+        return WalkedMap(map_id)
+    found = settled_map(session, map_for(session, Principal(user.id), map_id))
+    if not found.is_on:
+        raise Problem(409, "the owner of this map has switched live positions off; ask them")
+    return found
+
+
+def owned_map(session: Session, user: User, map_id: str) -> Map:
+    """A map that is the user's own. Raises Problem 404, 403."""
+    return map_for(session, Principal(user.id), map_id, Right.OWN)
+
+
+def settled_map(session: Session, found: Map) -> WalkedMap:
+    """A map with what its owner has set."""
+    row = session.get(MapPositions, found.id)
+    return WalkedMap(found.id) if row is None else WalkedMap(found.id, row.is_on, _origin_of(row))
+
+
+def _origin_of(row: MapPositions) -> MapOrigin | None:
+    if row.latitude_deg is None or row.longitude_deg is None or row.bearing_deg is None:
+        return None
+    return MapOrigin(
+        latitude_deg=row.latitude_deg, longitude_deg=row.longitude_deg, bearing_deg=row.bearing_deg
+    )
+
+
+def _is_floor(session: Session, map_id: str) -> bool:
+    return session.scalar(select(Floor.number).filter_by(id=map_id)) is not None
+
 
 router = APIRouter(tags=["positions"])
 
@@ -98,3 +160,117 @@ def _may_listen(services: Services, user_id: str, map_id: str) -> bool:
             return user is not None and seen_map(session, user, map_id).is_on
     except Problem:
         return False
+
+
+map_router = APIRouter(tags=["positions"], prefix="/maps/{map_id}")
+SECRET_BYTES = 32
+
+
+class PositionSettings(BaseModel):
+    """Whether a map takes live positions, and where on the Earth it lies, if that is known."""
+
+    is_on: bool = True
+    origin: MapOrigin | None = None
+
+
+class NewWebhook(BaseModel):
+    """Where to post positions to. Without a secret one is made."""
+
+    url: str = Field(max_length=2000)
+    secret: Annotated[Line, Field(min_length=16)] | None = None
+
+
+class WebhookBody(BaseModel):
+    """A webhook, and how its deliveries have gone since the server started."""
+
+    id: str
+    url: str
+    created_utc: datetime
+    delivered: int
+    dropped: int
+    last_delivered_utc: datetime | None
+    last_error: str | None
+    last_error_utc: datetime | None
+
+
+class MadeWebhook(BaseModel):
+    """A new webhook with the secret that signs what it is sent: told once."""
+
+    id: str
+    url: str
+    secret: str
+
+
+@map_router.get("/positions/settings", operation_id="get_position_settings")
+def get_position_settings(map_id: str, user: Me, services: ServicesDep) -> PositionSettings:
+    """Whether a map takes live positions, and where it lies."""
+    with reading(services.sessions) as session:
+        seen = seen_map(session, user, map_id)
+    return PositionSettings(is_on=seen.is_on, origin=seen.origin)
+
+
+@map_router.put("/positions/settings", operation_id="put_position_settings")
+def put_position_settings(
+    map_id: str, given: PositionSettings, user: Me, services: ServicesDep
+) -> PositionSettings:
+    """Switch live positions of your map on or off, and say where on the Earth it lies."""
+    nowhere = dict.fromkeys(MapOrigin.model_fields)
+    origin = given.origin.model_dump() if given.origin else nowhere
+    with transaction(services.sessions) as session:
+        found = owned_map(session, user, map_id)
+        session.merge(MapPositions(map_id=found.id, is_on=given.is_on, **origin))
+        session.flush()
+        settled = settled_map(session, found)
+    if not settled.is_on:
+        services.positions.board.clear(map_id)
+    return PositionSettings(is_on=settled.is_on, origin=settled.origin)
+
+
+@map_router.get("/webhooks", operation_id="list_webhooks")
+def list_webhooks(map_id: str, user: Me, services: ServicesDep) -> list[WebhookBody]:
+    """The webhooks of your map, and how their deliveries go."""
+    with reading(services.sessions) as session:
+        owned = owned_map(session, user, map_id)
+        rows = select(Webhook).filter_by(map_id=owned.id).order_by(Webhook.created_utc, Webhook.id)
+        return [_webhook_body(services, row) for row in session.scalars(rows)]
+
+
+@map_router.post(
+    "/webhooks", status_code=201, operation_id="add_webhook", responses=problems(403, 409)
+)
+def add_webhook(map_id: str, given: NewWebhook, user: Me, services: ServicesDep) -> MadeWebhook:
+    """Have positions in your map posted to a URL, in batches, each with a signature."""
+    with reading(services.sessions) as session:
+        owned_map(session, user, map_id)
+    target = target_of(given.url)
+    address_of(target, allow_local=services.settings.local_webhooks)
+    secret, most = (
+        given.secret or secrets.token_urlsafe(SECRET_BYTES),
+        services.settings.limits.webhooks,
+    )
+    with transaction(services.sessions) as session:
+        owned = owned_map(session, user, map_id)
+        mine = select(func.count()).select_from(Webhook).filter_by(map_id=owned.id)
+        if (session.scalar(mine) or 0) >= most:
+            raise Problem(409, f"this map has {most} webhooks already; delete one first")
+        row = Webhook(map_id=owned.id, url=target.url, secret=secret)
+        session.add(row)
+    return MadeWebhook(id=row.id, url=row.url, secret=row.secret)
+
+
+@map_router.delete("/webhooks/{webhook_id}", status_code=204, operation_id="delete_webhook")
+def delete_webhook(map_id: str, webhook_id: str, user: Me, services: ServicesDep) -> Response:
+    """Post nothing there any more."""
+    with transaction(services.sessions) as session:
+        owned = owned_map(session, user, map_id)
+        row = session.get(Webhook, known_id(webhook_id, "webhook"))
+        if row is None or row.map_id != owned.id:
+            raise not_found("webhook")
+        session.delete(row)
+    services.positions.outboxes.forget(webhook_id)
+    return Response(status_code=204)
+
+
+def _webhook_body(services: Services, row: Webhook) -> WebhookBody:
+    told = services.positions.outboxes.deliveries_of(row.id)
+    return WebhookBody(id=row.id, url=row.url, created_utc=row.created_utc, **asdict(told))

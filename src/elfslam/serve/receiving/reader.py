@@ -1,10 +1,11 @@
-"""Parses the folder of a recording: its facts, in a child of the server."""
+"""What a child of the server finds in recordings from outside, within bounds of time and memory."""
 
 from __future__ import annotations
 
 import re
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,18 +14,78 @@ from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_json
 from elfslam.base.values import Recording
 from elfslam.data.recordings import MANIFEST, read_recording
-from elfslam.serve.parsing.child import without_places
-from elfslam.serve.receiving.reading import ReadFolder
+from elfslam.serve.parsing.child import Bounds, without_places
+from elfslam.serve.settings import Limits
 from elfslam.slam.coverage import spans_of
 from elfslam.stages.chirp import check_rate
 from elfslam.stages.motion import MotionParameters, find_footsteps
 
+if TYPE_CHECKING:
+    from elfslam.serve.parsing.children import Children
+    from elfslam.serve.store.tables import RecordingFacts
+
+READER, WALKS = "elfslam.serve.receiving.reader", "elfslam.serve.receiving.walks"
+
+
+@dataclass(frozen=True)
+class ReadFolder:
+    """What a folder holds, or why it is no recording."""
+
+    facts: RecordingFacts = field(default_factory=dict)  # type: ignore[assignment]
+    refusal: str | None = None
+
+
+@dataclass(frozen=True)
+class Walk:
+    """What came of a walk in a file; `place` is the name of its folder, where there is one."""
+
+    found: ReadFolder
+    place: str | None = None
+
+
+def bounds_of(limits: Limits) -> Bounds:
+    """What reading a recording may cost."""
+    return Bounds(
+        processor_s=limits.reading_s,
+        wall_s=limits.reading_s,
+        memory_bytes=limits.reading_bytes,
+        file_bytes=limits.recording_bytes,
+        advice="cut it in parts",
+    )
+
+
+def read_apart(children: Children, folder: Path, limits: Limits) -> ReadFolder:
+    """What a child finds in the folder of a recording.
+
+    Raises Problem 503 where that was killed, 507 where the disk is full.
+    """
+    try:
+        return ReadFolder(children.parse(READER, bounds_of(limits), folder=str(folder)))
+    except InputError as refused:
+        return ReadFolder(refusal=str(refused))
+
+
+def walks_apart(
+    children: Children, file: Path, folder: Path, most: int, limits: Limits
+) -> list[Walk]:
+    """What a child finds in a file, unpacked into `folder`; `most` walks and no more.
+
+    Raises Problem 503 where that was killed, 507 where the disk is full.
+    """
+    given = {"file": str(file), "folder": str(folder), "most": most, "limits": asdict(limits)}
+    try:
+        told = children.parse(WALKS, bounds_of(limits), **given)
+    except InputError as refused:
+        return [Walk(ReadFolder(refusal=str(refused)))]
+    return [Walk(ReadFolder(**each["found"]), each["place"]) for each in told]
+
+
 MOST_SPANS = 200
 """So many are told: the list of recordings stays short."""
-TAPPED_ON, MAP_ID = "tapped_on", re.compile(r"[0-9a-f]{32}")
+MAP_ID = re.compile(r"[0-9a-f]{32}")
 
 
-def parse(folder: str) -> dict[str, Any]:
+def parse(folder: str) -> RecordingFacts:
     """What a folder holds. Raises InputError where that is no recording."""
     place = Path(folder)
     recording = read_recording(place)
@@ -41,9 +102,9 @@ def find(folder: Path) -> ReadFolder:
         return ReadFolder(refusal=without_places(str(error), folder))
 
 
-def facts_of(recording: Recording) -> dict[str, Any]:
+def facts_of(recording: Recording) -> RecordingFacts:
     """What is told of a recording: name, device, duration, sensors, their spans, footsteps."""
-    facts: dict[str, Any] = {"name": recording.name, "device": recording.device}
+    facts: RecordingFacts = {"name": recording.name, "device": recording.device}
     ends_s = [0.0]
     if recording.audio is not None:
         channels, samples = recording.audio.samples.shape
@@ -68,10 +129,10 @@ def facts_of(recording: Recording) -> dict[str, Any]:
     return facts
 
 
-def _tapped_on(folder: Path) -> dict[str, str]:
+def _tapped_on(folder: Path) -> RecordingFacts:
     """The map on whose plan its walker tapped, where recording.json names one."""
-    told = read_json(folder / MANIFEST).get(TAPPED_ON)
-    return {TAPPED_ON: told} if isinstance(told, str) and MAP_ID.fullmatch(told) else {}
+    told = read_json(folder / MANIFEST).get("tapped_on")
+    return {"tapped_on": told} if isinstance(told, str) and MAP_ID.fullmatch(told) else {}
 
 
 def _listed(spans: F64) -> list[list[float]]:

@@ -1,43 +1,46 @@
-"""Routes of recordings: begin one, complete it, look at it, fetch it, delete it."""
+"""Routes of recordings: begin, complete, look at, look into, fetch, rename, delete."""
 
 from __future__ import annotations
 
+import hashlib
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from functools import partial
+from pathlib import PurePosixPath
 from typing import Annotated, Any
 from urllib.parse import quote
 
-from fastapi import APIRouter, Response
-from fastapi.responses import StreamingResponse
+from anyio import to_thread
+from fastapi import APIRouter, Header, Response
+from fastapi.responses import FileResponse, StreamingResponse
 from pydantic import AfterValidator, BaseModel, Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from elfslam import __version__
 from elfslam.base.bounds import FARTHEST_M
+from elfslam.base.errors import InputError
 from elfslam.serve.people.access import Me, known_id, not_found
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.receiving.completing import ManifestEntry, complete
+from elfslam.serve.receiving.reader import bounds_of
+from elfslam.serve.receiving.sensors import Look
 from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.store.blobs import found_blob
-from elfslam.serve.store.database import (
+from elfslam.serve.store.database import reading, transaction
+from elfslam.serve.store.quota import delete_recordings, refuse_more_recordings, upload_bytes
+from elfslam.serve.store.sending import sent_blob, unfolded
+from elfslam.serve.store.tables import (
     Recording,
+    RecordingFacts,
     RecordingFile,
     RecordingState,
     Upload,
     User,
-    reading,
-    transaction,
 )
-from elfslam.serve.store.folder_files import FILE_NAMES
-from elfslam.serve.store.quota import (
-    delete_recordings,
-    refuse_more_recordings,
-    upload_bytes,
-)
-from elfslam.serve.store.zips import packed
-from elfslam.serve.texts import Line
+from elfslam.serve.store.zips import FILE_NAMES, packed
+from elfslam.serve.texts import Deleted, Line, Many
 
 router = APIRouter(prefix="/recordings", tags=["recordings"])
 Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M, allow_inf_nan=False)]
@@ -107,7 +110,9 @@ def begin_recording(given: NewRecording, user: Me, services: ServicesDep) -> Rec
     """Begin a recording, to which files are then uploaded."""
     with transaction(services.sessions) as session:
         refuse_more_recordings(services, session, user.id)
-        facts = {} if given.start_pose is None else {"start_pose": list(given.start_pose)}
+        facts: RecordingFacts = (
+            {} if given.start_pose is None else {"start_pose": list(given.start_pose)}
+        )
         recording = Recording(user_id=user.id, name=given.name, device=given.device, facts=facts)
         session.add(recording)
         session.flush()
@@ -140,9 +145,7 @@ def remove_recording(recording_id: str, user: Me, services: ServicesDep) -> Resp
 
 
 @router.post(
-    "/{recording_id}/complete",
-    operation_id="complete_recording",
-    responses=problems(409, 423),
+    "/{recording_id}/complete", operation_id="complete_recording", responses=problems(409, 423)
 )
 async def complete_recording(
     recording_id: str, given: Completion, user: Me, services: ServicesDep
@@ -223,8 +226,7 @@ def _bodies(
     open_ones = select(Upload).filter_by(finished=False).where(Upload.recording_id.in_(ids))
     files, uploads = defaultdict(list), defaultdict(list)
     for file in _files(session, recordings):
-        told = FileBody(name=file.name, size_bytes=file.size_bytes, sha256=file.sha256)
-        files[file.recording_id].append(told)
+        files[file.recording_id].append(FileBody.model_validate(file, from_attributes=True))
     for upload in session.scalars(open_ones.order_by(Upload.created_utc, Upload.id)):
         uploads[upload.recording_id].append(_on_its_way(services, upload))
     return [
@@ -234,7 +236,7 @@ def _bodies(
             device=recording.device,
             state=RecordingState(recording.state),
             refusal=recording.refusal,
-            facts=recording.facts,
+            facts=dict(recording.facts),
             files=files[recording.id],
             uploads=uploads[recording.id],
             created_utc=recording.created_utc,
@@ -250,3 +252,111 @@ def _on_its_way(services: Services, upload: Upload) -> UploadBody:
         offset_bytes=upload_bytes(services.settings, upload.id),
         length_bytes=upload.length_bytes,
     )
+
+
+class RecordingChange(BaseModel):
+    """What a recording is to be called."""
+
+    name: Line
+
+
+@router.patch("/{recording_id}", operation_id="rename_recording")
+def rename_recording(
+    recording_id: str, given: RecordingChange, user: Me, services: ServicesDep
+) -> RecordingBody:
+    """Call a recording otherwise; maps that were made of it keep their names."""
+    with transaction(services.sessions) as session:
+        recording = my_recording(session, user, recording_id)
+        recording.name = given.name
+        return body_of(services, session, recording)
+
+
+@router.post("/delete", operation_id="delete_recordings")
+def remove_recordings(given: Many, user: Me, services: ServicesDep) -> Deleted:
+    """Delete many of your recordings at once; what is not there, or not yours, is passed over."""
+    return Deleted(count=delete_recordings(services, user.id, given.ids))
+
+
+TYPES = {
+    ".csv": "text/csv",
+    ".tum": "text/plain",
+    ".json": "application/json",
+    ".flac": "audio/flac",
+    ".wav": "audio/wav",
+}
+READER = "elfslam.serve.receiving.sensors"
+BINARY = "application/octet-stream"
+NEVER_OLD = {"Cache-Control": "private, no-cache"}
+"""A browser may keep it, and asks each time whether it still is so."""
+
+
+@router.get(
+    "/{recording_id}/sensors",
+    operation_id="look_at_recording",
+    response_model=Look,
+    responses={**problems(409), 304: {"description": "It is as you know it"}},
+)
+async def look_at_recording(
+    recording_id: str,
+    user: Me,
+    services: ServicesDep,
+    response: Response,
+    if_none_match: Annotated[str, Header()] = "",
+) -> Any:
+    """The sensors of a recording and their curves, some thousand numbers however long it is."""
+    named = await to_thread.run_sync(_kept_files, services, user, recording_id)
+    known = {"ETag": _tag(named), **NEVER_OLD}
+    if known["ETag"] in if_none_match:
+        return Response(status_code=304, headers=known)
+    look = await services.reading.run(user.id, partial(_look, services, named))
+    response.headers.update(known)
+    return look
+
+
+@router.get(
+    "/{recording_id}/files/{file_name}",
+    operation_id="download_recording_file",
+    response_class=FileResponse,
+    responses={**problems(409), 200: {"content": {kind: {} for kind in TYPES.values()}}},
+)
+def download_recording_file(
+    recording_id: str, file_name: str, user: Me, services: ServicesDep
+) -> FileResponse:
+    """One file of a recording's folder: a sensor's table, say."""
+    named = _kept_files(services, user, recording_id)
+    if file_name not in FILE_NAMES or file_name not in named:
+        raise not_found("file")
+    with reading(services.sessions) as session:
+        walk = my_recording(session, user, recording_id).name
+    kind = TYPES.get(PurePosixPath(file_name).suffix, BINARY)
+    told = f"{walk}-{file_name}".replace("/", "_")
+    return sent_blob(services.settings, named[file_name], "file", kind, filename=told)
+
+
+def _kept_files(services: Services, user: User, recording_id: str) -> dict[str, str]:
+    """SHA-256 by the name of a file. Raises Problem 404, 409."""
+    with reading(services.sessions) as session:
+        recording = my_recording(session, user, recording_id)
+        rows = session.scalars(select(RecordingFile).filter_by(recording_id=recording.id)).all()
+    if recording.state == RecordingState.RECEIVING:
+        raise Problem(409, "this recording is still being received; complete it first")
+    if not rows:
+        raise Problem(409, f"nothing of this recording was kept: {recording.refusal}")
+    return {row.name: row.sha256 for row in rows}
+
+
+def _tag(named: Mapping[str, str]) -> str:
+    told = [__version__, *(f"{name} {sha256}" for name, sha256 in sorted(named.items()))]
+    return f'"{hashlib.sha256(chr(10).join(told).encode()).hexdigest()[:32]}"'
+
+
+def _look(services: Services, named: Mapping[str, str]) -> dict[str, Any]:
+    """What a child sees. Raises Problem 404, 409, 503."""
+    bounds = bounds_of(services.settings.limits)
+    try:
+        with unfolded(services.settings, named) as folder:
+            return dict(services.children.parse(READER, bounds, folder=str(folder)))
+    except FileNotFoundError as gone:
+        raise not_found("recording") from gone
+    except InputError as refused:
+        raise Problem(409, str(refused)) from refused

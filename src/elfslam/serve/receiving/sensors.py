@@ -7,7 +7,7 @@ kept, so that no peak is lost. All of it is parsed in a child of the server.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +17,44 @@ from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import ElfslamError, InputError
 from elfslam.base.values import Audio, Imu, Recording
 from elfslam.data.recordings import read_recording
-from elfslam.serve.receiving.curves import Curve, Look, SensorRate
 from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.stages.echo import EchoParameters, find_frames
 from elfslam.stages.motion.level import level
 from elfslam.stages.motion.parameters import MotionParameters
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Least and largest values in equal stretches of time; None where nothing was read."""
+
+    name: str
+    unit: str
+    start_s: float
+    step_s: float
+    low: list[float | None]
+    high: list[float | None]
+
+
+@dataclass(frozen=True)
+class SensorRate:
+    """How often a sensor was read, and how often a second."""
+
+    name: str
+    readings: int
+    rate_hz: float | None
+
+
+@dataclass(frozen=True)
+class Look:
+    """All that is shown of a recording's sensors."""
+
+    sensors: list[SensorRate]
+    curves: list[Curve]
+    chirps_played: int | None
+    """Where that was noted."""
+    chirps_heard_share: float | None
+    """Of those that were due; None without sound."""
+
 
 MOST_STRETCHES = 400
 """Of a curve; each is two numbers."""

@@ -20,10 +20,9 @@ from elfslam.data.importing import FORMATS, LogFormat, Refused, read_logs, recog
 from elfslam.data.log_files import Imported, is_zip
 from elfslam.data.recordings import write_recording
 from elfslam.serve.parsing.child import without_places
-from elfslam.serve.receiving.reader import find
-from elfslam.serve.receiving.reading import ReadFolder, Walk
+from elfslam.serve.receiving.reader import ReadFolder, Walk, find
 from elfslam.serve.settings import Limits
-from elfslam.serve.store.disk_room import refuse_full_disk
+from elfslam.serve.store.blobs import refuse_full_disk
 from elfslam.serve.store.zips import unpack_recording
 
 DRIFT_SEED = 0
@@ -82,8 +81,8 @@ def _imported(
         if count >= most:
             raise InputError(f"{file}: holds more than {most} walks; give it in parts")
         if isinstance(item, Refused):
-            name = {"name": PurePath(item.name).stem}
-            yield Walk(ReadFolder(name, without_places(item.reason, file, folder)))
+            refusal = without_places(item.reason, file, folder)
+            yield Walk(ReadFolder({"name": PurePath(item.name).stem}, refusal))
             continue
         place = folder / str(count)
         _write(item, place)

@@ -17,22 +17,11 @@ from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 
-from elfslam.serve.people.access import (
-    BEARER,
-    ID,
-    IN_COOKIE,
-    NOT_KNOWN,
-    NOTHING_SENT,
-    known_id,
-    not_found,
-    refuse_haste,
-    unknown_token,
-    user_of_token,
-)
+from elfslam.serve.people import access
 from elfslam.serve.problems import Problem, of_http, of_validation
 from elfslam.serve.services import ServicesDep, services_of
-from elfslam.serve.sharing.tables import GroupMember, MapGroupShare, MapLink, MapShare, Shared
-from elfslam.serve.store.database import Map, reading
+from elfslam.serve.store.database import reading
+from elfslam.serve.store.tables import GroupMember, Map, MapGroupShare, MapLink, MapShare, Shared
 
 LINK_COOKIE = "elfslam_link"
 LINK_SECRET = Cookie(alias=LINK_COOKIE, include_in_schema=False)
@@ -101,10 +90,10 @@ def map_for(
     Raises Problem 404 where they have none, as where there is no such map, and 403 where they
     have a lesser one.
     """
-    found = session.get(Map, known_id(map_id, "map"), with_for_update=True if lock else None)
+    found = session.get(Map, access.known_id(map_id, "map"), with_for_update=True if lock else None)
     right = Right.NONE if found is None else right_in(session, asker, found)
     if found is None or right is Right.NONE:
-        raise not_found("map")
+        raise access.not_found("map")
     if right < wanted:
         raise Problem(403, TOO_LITTLE[wanted])
     return found
@@ -135,7 +124,7 @@ def seen_by(user_id: str) -> ColumnElement[bool]:
 
 def opens(session: Session, map_id: str, secret: str) -> MapLink | None:
     """The link of a map, if that is its secret."""
-    link = session.get(MapLink, map_id) if ID.fullmatch(map_id) else None
+    link = session.get(MapLink, map_id) if access.ID.fullmatch(map_id) else None
     return link if link is not None and _is_secret(link, secret) else None
 
 
@@ -147,8 +136,8 @@ def _is_secret(link: MapLink, secret: str | None) -> bool:
 def current_asker(
     map_id: str,
     services: ServicesDep,
-    bearer: Annotated[HTTPAuthorizationCredentials | None, Security(BEARER)],
-    cookie: Annotated[str | None, Security(IN_COOKIE)],
+    bearer: Annotated[HTTPAuthorizationCredentials | None, Security(access.BEARER)],
+    cookie: Annotated[str | None, Security(access.IN_COOKIE)],
     secret: Annotated[str | None, LINK_SECRET] = None,
 ) -> Principal:
     """Who asks for a map: by token, by link, or by both.
@@ -157,13 +146,13 @@ def current_asker(
     """
     token = bearer.credentials if bearer else cookie
     with reading(services.sessions) as session:
-        user = user_of_token(session, token) if token else None
+        user = access.user_of_token(session, token) if token else None
         has_link = secret is not None and opens(session, map_id, secret) is not None
     if user is None and not has_link:
         if token:
-            raise unknown_token(NOT_KNOWN)
-        raise Problem(404, WITHDRAWN) if secret else unknown_token(NOTHING_SENT)
-    refuse_haste(services.token_rates.take(user.id if user else f"link {map_id}"))
+            raise access.unknown_token(access.NOT_KNOWN)
+        raise Problem(404, WITHDRAWN) if secret else access.unknown_token(access.NOTHING_SENT)
+    access.refuse_haste(services.token_rates.take(user.id if user else f"link {map_id}"))
     return Principal(user.id if user else None, secret if has_link else None)
 
 
@@ -176,7 +165,7 @@ async def identify_first(request: Request, error: Exception) -> Response:
         of_map = "map_id" in request.path_params
         secret = request.cookies.get(LINK_COOKIE) if of_map else None
         map_id = request.path_params.get("map_id", "")
-        given = await BEARER(request), await IN_COOKIE(request), secret
+        given = await access.BEARER(request), await access.IN_COOKIE(request), secret
         try:
             await run_in_threadpool(current_asker, map_id, await services_of(request), *given)
         except Problem as refusal:
@@ -189,7 +178,7 @@ def asks_who(route: object) -> bool:
     """Whether a route looks at tokens."""
 
     def asks(needed: Dependant) -> bool:
-        return needed.call is BEARER or any(map(asks, needed.dependencies))
+        return needed.call is access.BEARER or any(map(asks, needed.dependencies))
 
     return isinstance(route, APIRoute) and asks(route.dependant)
 

@@ -24,8 +24,13 @@ from elfslam.serve.store.database import (
     shown_database,
     write_ahead,
 )
-from elfslam.serve.store.holding import free_to_take, take
-from elfslam.serve.store.identity import introduce, refuse_another, refuse_lost_database
+from elfslam.serve.store.holding import (
+    free_to_take,
+    introduce,
+    refuse_another,
+    refuse_lost_database,
+    take,
+)
 from elfslam.serve.store.schema import State, check_tables, state_of, upgrade
 
 LOCK = ".lock"
@@ -53,8 +58,8 @@ def alone_with(settings: ServerSettings, tries: int = 1) -> Iterator[None]:
         descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT, 0o600)
     except OSError as error:
         raise StoreError(
-            f"{folder}: cannot be used ({error.strerror}); give a folder that you may write to "
-            "with --data"
+            f"{folder}: cannot be used ({error.strerror}); give a folder that you may write to",
+            argument="data",
         ) from error
     try:
         while not locked_now(descriptor):
@@ -138,7 +143,8 @@ def join_store(settings: ServerSettings) -> Engine:
         engine.dispose()
         raise StoreError(
             f"{settings.data_folder}: the server that uses it has another database or version "
-            f"than {shown_url(settings.url)}; give its --database, or stop it"
+            f"than {shown_url(settings.url)}; give its database, or stop it",
+            argument="database",
         )
     refuse_another(engine, settings)
     return engine

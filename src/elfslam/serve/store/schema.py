@@ -1,28 +1,29 @@
-"""Schema versions of the database: looked at, upgraded by migrations (Alembic), checked.
+"""Schema versions of the database: backed up, upgraded by migrations (Alembic), checked.
 
 Databases made before versions were kept have the tables of the first one.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from enum import Enum, auto
 from pathlib import Path
+from typing import Any
 
 from alembic import command
 from alembic.config import Config
 from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
-from sqlalchemy import Engine, inspect, select
+from sqlalchemy import Engine, MetaData, create_engine, event, insert, inspect, select
 from sqlalchemy.engine import Connection
 
-import elfslam.serve.buildings.tables
-import elfslam.serve.positions.tables
-import elfslam.serve.sharing.tables  # noqa: F401
 from elfslam.base.errors import StoreError
-from elfslam.serve.store.backups import ROWS, back_up
-from elfslam.serve.store.database import SQLITE, Base, answering, shown_database, write_ahead
+from elfslam.data.atomic_files import replaced_file
+from elfslam.serve.store.database import SQLITE, answering, shown_database, write_ahead
+from elfslam.serve.store.tables import Base
 
 MIGRATIONS = Path(__file__).parent / "migrations"
 VERSION_TABLE = "schema_version"
@@ -148,3 +149,40 @@ def _check_rows(connection: Connection) -> None:
 def _known_versions() -> set[str]:
     script = ScriptDirectory(str(MIGRATIONS))
     return {each.revision for each in script.walk_revisions()}
+
+
+ROWS = 1000
+"""So many are copied at once."""
+
+
+def back_up(engine: Engine, folder: Path) -> Path:
+    """A copy of every table, as it is now, in a new file of a folder. Raises StoreError.
+
+    `elfslam serve --database sqlite:///FILE` starts with it.
+    """
+    folder.mkdir(exist_ok=True, mode=0o700)
+    file = folder / f"{datetime.now(UTC):%Y-%m-%dT%H%M%S.%f}.sqlite"
+    with replaced_file(file) as partial:
+        partial.unlink(missing_ok=True)
+        _copy(engine, create_engine(f"sqlite:///{partial}"))
+        os.chmod(partial, 0o600)
+    return file
+
+
+def _copy(source: Engine, target: Engine) -> None:
+    """Every table and row of one database put into an empty one."""
+    tables = MetaData()
+    event.listen(tables, "column_reflect", _as_any_database_has_it)
+    with answering(source), source.connect() as given, target.begin() as made:
+        tables.reflect(given)
+        tables.create_all(made)
+        for table in tables.sorted_tables:
+            for rows in given.execute(select(table)).mappings().partitions(ROWS):
+                made.execute(insert(table), [dict(row) for row in rows])
+    target.dispose()
+
+
+def _as_any_database_has_it(_inspector: Any, _table: Any, column: dict[str, Any]) -> None:
+    """Types and defaults that are one database's own are left behind."""
+    column["type"] = column["type"].as_generic()
+    column.pop("default", None)

@@ -1,30 +1,35 @@
 """What a server clears away: what a kill left over is set aside, what was abandoned goes in time.
 
-Nothing is deleted at a start but scratch, and positions whose time is over by the clock. All other
-deadlines count the time that the server ran.
+Nothing is deleted at a start but scratch, and positions whose time is over by the clock. Files that
+no row names are put into a quarantine, and back if a row names them. All other deadlines count the
+time that the server ran: a clock that is put forward by a year must not make everything a year old.
 """
 
 from __future__ import annotations
 
+import json
+import os
 import shutil
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from sqlalchemy import select
 
+from elfslam.data.atomic_files import replaced_file
 from elfslam.serve.positions.history import forget_old_positions
 from elfslam.serve.problems import LOG, Problem
 from elfslam.serve.receiving.completing import SCRATCH
-from elfslam.serve.receiving.upload_store import forget_upload
+from elfslam.serve.receiving.uploads import forget_upload
 from elfslam.serve.services import Services
 from elfslam.serve.store import blobs
-from elfslam.serve.store.ages import Age, grown, older_than, read_ages, write_ages
-from elfslam.serve.store.database import Upload, reading
-from elfslam.serve.store.quarantine import put_back, set_aside, unnamed_blobs
+from elfslam.serve.store.blobs import SHA256, blob_path, put_at
+from elfslam.serve.store.database import reading
 from elfslam.serve.store.quota import is_named, named_blobs, upload_bytes
+from elfslam.serve.store.tables import Upload
 
 BETWEEN_S = 3600.0
 UPLOAD, ASIDE = "upload ", "aside "
@@ -129,3 +134,77 @@ def _every_hour(services: Services, stop: threading.Event) -> None:
         except Exception:
             LOG.exception("sweeping failed")
         since_s = now_s
+
+
+AGES = "ages.json"
+
+
+@dataclass(frozen=True)
+class Age:
+    """For how long a thing has been as it is, which its size tells."""
+
+    size_bytes: int
+    untouched_s: float = 0.0
+
+
+Ages = Mapping[str, Age]
+
+
+def grown(before: Ages, sizes_bytes: Mapping[str, int], passed_s: float) -> dict[str, Age]:
+    """The ages of things after some time: what is new or another size begins anew."""
+    known = {name: age for name, age in before.items() if age.size_bytes == sizes_bytes.get(name)}
+    fresh = {name: Age(size_bytes) for name, size_bytes in sizes_bytes.items()}
+    older = {name: Age(age.size_bytes, age.untouched_s + passed_s) for name, age in known.items()}
+    return fresh | older
+
+
+def older_than(ages: Ages, days: float) -> list[str]:
+    """What has lain untouched for longer."""
+    return [name for name, age in ages.items() if age.untouched_s > days * 86_400]
+
+
+def read_ages(folder: Path) -> dict[str, Age]:
+    """The ages that a folder keeps; none where they are missing or damaged: all begin anew."""
+    try:
+        told = json.loads((folder / AGES).read_text(encoding="utf-8"))
+        return {str(name): Age(int(size), float(age_s)) for name, (size, age_s) in told.items()}
+    except (OSError, ValueError, TypeError, AttributeError, RecursionError):
+        return {}
+
+
+def write_ages(folder: Path, ages: Ages) -> None:
+    """Keep ages in a folder. Raises StoreError."""
+    with replaced_file(folder / AGES) as partial:
+        told = {name: [age.size_bytes, age.untouched_s] for name, age in ages.items()}
+        partial.write_text(json.dumps(told), encoding="utf-8")
+
+
+IsNamed = Callable[[str], bool]
+
+
+def set_aside(files: list[Path], quarantine: Path) -> int:
+    """Move files into a quarantine by their names; how many those were."""
+    for file in files:
+        os.replace(file, quarantine / file.name)
+    return len(files)
+
+
+def unnamed_blobs(blobs: Path, is_named: IsNamed) -> list[Path]:
+    """What lies among the blobs and is named by nobody, or was left half-written."""
+    return [
+        file
+        for file in blobs.glob("*/*")
+        if not (SHA256.fullmatch(file.name) and is_named(file.name))
+    ]
+
+
+def put_back(quarantine: Path, blobs: Path, is_named: IsNamed) -> int:
+    """Move those blobs back that a row names after all; how many those were."""
+    wanted = [
+        file for file in quarantine.iterdir() if SHA256.fullmatch(file.name) and is_named(file.name)
+    ]
+    for file in wanted:
+        kept = blob_path(blobs, file.name)
+        kept.parent.mkdir(exist_ok=True, mode=0o700)
+        put_at(file, kept)
+    return len(wanted)

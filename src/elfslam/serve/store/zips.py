@@ -1,4 +1,4 @@
-"""Recordings as zips: what comes is unpacked with care, what goes is packed as it is sent."""
+"""The files of a recording's folder, and zips of them: unpacked with care, packed as sent."""
 
 from __future__ import annotations
 
@@ -12,8 +12,46 @@ from typing import Any, BinaryIO
 from elfslam.base.errors import InputError
 from elfslam.base.zips import opened_zip
 from elfslam.serve.settings import Limits
-from elfslam.serve.store.disk_room import refuse_full_disk
-from elfslam.serve.store.folder_files import FILE_NAMES
+from elfslam.serve.store.blobs import refuse_full_disk
+
+FILE_NAMES = frozenset(
+    (
+        "recording.json",
+        "audio.flac",
+        "audio.wav",
+        "frames.flac",
+        "frames.wav",
+        "frames.csv",
+        "baseband.iq",
+        "baseband.csv",
+        "chirps.csv",
+        "checkpoints.csv",
+        "accelerometer.csv",
+        "gyroscope.csv",
+        "magnetometer.csv",
+        "orientation.csv",
+        "emr.csv",
+        "wifi.csv",
+        "odometry.tum",
+        "odometry_sigma.csv",
+        "truth.tum",
+        "waypoints.csv",
+    )
+)
+WHOLE = (".zip", ".tar.xz", ".txt", ".mat")
+"""So end the names of whole recordings, and of what other programs write."""
+
+
+def is_whole(name: str) -> bool:
+    """Whether an upload of this name is all of a recording, or of several."""
+    return name.lower().endswith(WHOLE)
+
+
+def stem_of(name: str) -> str:
+    """The name of such an upload without its ending."""
+    ending = next((each for each in WHOLE if name.lower().endswith(each)), "")
+    return name[: len(name) - len(ending)]
+
 
 COPY_BYTES = 2**18
 EPOCH = (1980, 1, 1, 0, 0, 0)

@@ -20,16 +20,9 @@ from elfslam.data.recordings import write_recording
 from elfslam.serve.people.users import add_user
 from elfslam.serve.services import Services, open_services
 from elfslam.serve.settings import ServerSettings
-from elfslam.serve.store.database import (
-    Job,
-    JobKind,
-    JobState,
-    Map,
-    Recording,
-    RecordingState,
-    transaction,
-)
+from elfslam.serve.store.database import transaction
 from elfslam.serve.store.quota import delete_user
+from elfslam.serve.store.tables import Job, JobKind, JobState, Map, Recording, RecordingState
 from elfslam.world.simulate import load_world, simulate
 from studies.benchmarks.served import serving
 from tests.serve.planting import plant_files

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from elfslam.serve.sharing.tables import MapLink, MapShare
-from elfslam.serve.store.database import JobKind, JobState, transaction
+from elfslam.serve.store.database import transaction
+from elfslam.serve.store.tables import JobKind, JobState, MapLink, MapShare
 from tests.accessibility import violations
 from tests.untranslated import clipped, left_in_english
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from elfslam.serve.store.database import JobKind, JobState
+from elfslam.serve.store.tables import JobKind, JobState
 from tests.serve.pages.desk.conftest import PATIENCE_MS
 
 Open = Callable[..., Any]
@@ -73,7 +73,8 @@ def test_a_failed_job_says_why_in_one_line(person: Any, open_desk: Open) -> None
 def test_a_running_job_shows_what_it_does_and_goes_on_by_itself(
     person: Any, open_desk: Open
 ) -> None:
-    from elfslam.serve.store.database import Job, transaction
+    from elfslam.serve.store.database import transaction
+    from elfslam.serve.store.tables import Job
 
     job = person.plant_job(
         JobKind.MAP, JobState.QUEUED, given={"recording": NOBODY}, doing="echoes", share=0.25

@@ -22,7 +22,8 @@ from elfslam.base.enums import Format
 from elfslam.data.geographic import parse_origin
 from elfslam.data.position_files import read_tum
 from elfslam.serve.store import blobs
-from elfslam.serve.store.database import JobFile, JobKind, JobState, transaction
+from elfslam.serve.store.database import transaction
+from elfslam.serve.store.tables import JobFile, JobKind, JobState
 
 Open = Callable[..., Any]
 LINE_PX = 3.0

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from elfslam.serve.sharing.tables import MapShare
 from elfslam.serve.store.database import transaction
+from elfslam.serve.store.tables import MapShare
 from tests.serve.pages.desk.test_map import opened
 
 pytestmark = pytest.mark.real

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from elfslam.serve.sharing.tables import MapShare
-from elfslam.serve.store.database import Map, transaction
+from elfslam.serve.store.database import transaction
+from elfslam.serve.store.tables import Map, MapShare
 
 Open = Callable[..., Any]
 PATIENCE_MS = 60_000

@@ -12,7 +12,7 @@ import httpx
 import pytest
 
 from elfslam.base.values import FloorMap
-from elfslam.serve.network.signing import fingerprint, signing_key
+from elfslam.serve.network.authority import fingerprint, signing_key
 from elfslam.serve.settings import PAGES_FOLDER
 from tests.waiting import until
 

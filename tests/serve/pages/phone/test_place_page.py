@@ -12,9 +12,8 @@ import pytest
 
 from elfslam.base.values import Audio, FixStatus, FloorMap, Payload
 from elfslam.data.position_files import read_fixes
-from elfslam.serve.buildings.publishing import Spot, publish, withdraw
-from elfslam.serve.buildings.sources import floor_of
-from elfslam.serve.buildings.wifi import WifiFindParameters
+from elfslam.serve.buildings.publishing import Spot, floor_of, publish, withdraw
+from elfslam.serve.buildings.senses import WifiFindParameters
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
 from elfslam.stages.chirp import ChirpParameters, make_chirp
