@@ -8,8 +8,9 @@ import { keptOf } from "../../../src/elfslam/serve/pages/desk/recorded.js";
 import { apart, courseOf, stretchOf } from "../../../src/elfslam/serve/pages/desk/timeline.js";
 import { queryOf } from "../../../src/elfslam/serve/pages/desk/downloads.js";
 import {
-  fileName, formatAgo, formatBytes, formatCount, formatDuration, formatMetres, formatShare, parseTime, secondsBetween, withoutMarks,
-} from "../../../src/elfslam/serve/pages/desk/format.js";
+  fileName, formatAgo, formatBytes, formatCount, formatDuration, formatMetres, formatShare, parseTime,
+  secondsBetween, withoutMarks,
+} from "../../../src/elfslam/serve/pages/shared/format.js";
 import { factsOf } from "../../../src/elfslam/serve/pages/desk/maps_view.js";
 import { PACE, nextWait } from "../../../src/elfslam/serve/pages/desk/polling.js";
 import { bytesOf, shareCome } from "../../../src/elfslam/serve/pages/desk/recordings_view.js";

@@ -1,9 +1,8 @@
 // QR codes of addresses that pair a device.
 
-import { askJson } from "./api.js";
+import { requestJson } from "../shared/api.js";
 import { orSay, say, showPerson } from "./dialogs.js";
-import { h, svg } from "../shared/dom.js";
-import { icon } from "../shared/icons.js";
+import { h, icon, svg } from "../shared/dom.js";
 import { qrcode } from "../vendor/qrcode-generator/qrcode.mjs";
 import { t } from "../shared/words.js";
 
@@ -12,7 +11,7 @@ const QUIET_MODULES = 4;
 /** Shows a code that pairs one more device with whoever is here. */
 export async function pairAnother() {
   await orSay(async () => {
-    const { url, expires_s: expires } = await askJson("/api/pairing", { method: "POST" });
+    const { url, expires_s: expires } = await requestJson("/api/pairing", { method: "POST" });
     const what = t("Scan it with your other device, or open the address there, within {{minutes}} minutes. It works once.", { minutes: Math.round(expires / 60) });
     await showPerson(t("Pair another device"), invitation(url, what));
   });

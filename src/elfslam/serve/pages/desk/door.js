@@ -5,8 +5,7 @@ import { pairAnother } from "./codes.js";
 import { renameMe } from "./renaming.js";
 import { signOut } from "./session.js";
 import { pairWith } from "../shared/api.js";
-import { h, one } from "../shared/dom.js";
-import { icon } from "../shared/icons.js";
+import { h, icon, one } from "../shared/dom.js";
 import { t, woven } from "../shared/words.js";
 
 /** @param {import("./session.js").Me} me */

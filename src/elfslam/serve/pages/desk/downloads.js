@@ -1,9 +1,8 @@
 // What a map can be taken away as. What it does not hold is refused in the server's own words.
 
-import { askJson, download } from "./api.js";
-import { h } from "../shared/dom.js";
-import { fileName } from "./format.js";
-import { icon } from "../shared/icons.js";
+import { download, requestJson } from "../shared/api.js";
+import { h, icon } from "../shared/dom.js";
+import { fileName } from "../shared/format.js";
 import { t } from "../shared/words.js";
 
 /** What each format is for. @type {Record<string, string>} */
@@ -46,7 +45,7 @@ export function venueOf({ venue, floor, level }) {
 export async function downloadsOf(map) {
   const path = `/api/maps/${encodeURIComponent(map.id)}`;
   /** @type {string[]} */
-  const formats = await askJson(`${path}/exports`);
+  const formats = await requestJson(`${path}/exports`);
   const known = venueOf(map);
   const inputs = new Map([["origin", keptInput("origin", "", undefined, "47.3769,8.5417,90")],
     ...VENUE.map(([name, , value]) => /** @type {[string, HTMLInputElement]} */ ([name, keptInput(name, value, known[name])]))]);

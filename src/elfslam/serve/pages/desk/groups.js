@@ -1,6 +1,6 @@
 // Groups of people with whom maps are shared at once: a new one, who is in it, and its end.
 
-import { ask, askJson } from "./api.js";
+import { request, requestJson } from "../shared/api.js";
 import { field } from "./asking.js";
 import { askPerson, confirmDelete, orSay } from "./dialogs.js";
 import { h } from "../shared/dom.js";
@@ -12,7 +12,7 @@ import { counted, t } from "../shared/words.js";
 const MOST_CHARACTERS = "120";
 
 /** @returns {Promise<Group[]>} */
-export const loadGroups = () => askJson("/api/groups");
+export const loadGroups = () => requestJson("/api/groups");
 
 /** @param {Group} group */
 export function sizeOf({ members }) {
@@ -41,7 +41,7 @@ export async function askGroup(people, group) {
   /** @type {Group | null} */
   let made = null;
   await orSay(async () => {
-    made = await askJson(group ? `/api/groups/${encodeURIComponent(group.id)}` : "/api/groups", { method: group ? "PUT" : "POST", json });
+    made = await requestJson(group ? `/api/groups/${encodeURIComponent(group.id)}` : "/api/groups", { method: group ? "PUT" : "POST", json });
   });
   return made;
 }
@@ -49,5 +49,5 @@ export async function askGroup(people, group) {
 /** @param {Group} group @returns {Promise<boolean>} whether it is gone */
 export async function deleteGroup({ id, name }) {
   if (!(await confirmDelete(name, t("Those in it see what was shared with it no more.")))) return false;
-  return orSay(() => ask(`/api/groups/${encodeURIComponent(id)}`, { method: "DELETE" }));
+  return orSay(() => request(`/api/groups/${encodeURIComponent(id)}`, { method: "DELETE" }));
 }

@@ -3,7 +3,7 @@
 import { blankPage } from "./door.js";
 import { openMap } from "./map_page.js";
 import { poll } from "./polling.js";
-import { openLink } from "../shared/links.js";
+import { openLink } from "../shared/api.js";
 import { h, one } from "../shared/dom.js";
 import { t } from "../shared/words.js";
 

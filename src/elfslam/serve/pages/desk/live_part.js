@@ -1,6 +1,6 @@
 // Beside the map: who lets others see where they are, heard live, and the switch of the map's owner.
 
-import { askJson } from "./api.js";
+import { requestJson } from "../shared/api.js";
 import { orSay } from "./dialogs.js";
 import { h } from "../shared/dom.js";
 import { STATUS_WORDS } from "./viewer/fixes.js";
@@ -63,7 +63,7 @@ export function livePart(id, state, redraw) {
   }
 
   async function load() {
-    settings = await askJson(`${path}/settings`);
+    settings = await requestJson(`${path}/settings`);
     input.checked = settings.is_on;
     input.disabled = false;
     listen();
@@ -71,7 +71,7 @@ export function livePart(id, state, redraw) {
 
   input.addEventListener("change", () => void orSay(async () => {
     try {
-      settings = await askJson(`${path}/settings`, { method: "PUT", json: { ...settings, is_on: input.checked } });
+      settings = await requestJson(`${path}/settings`, { method: "PUT", json: { ...settings, is_on: input.checked } });
     } finally {
       input.checked = settings.is_on;
     }

@@ -1,6 +1,6 @@
 // The desk page: who is here, which page of it is open, and what it shows.
 
-import { askJson } from "./api.js";
+import { Problem, linkIn, openLink, requestJson, secretIn } from "../shared/api.js";
 import { onDrop, uploader } from "./uploads.js";
 import { orSay } from "./dialogs.js";
 import { blankPage, showDoor, showWho } from "./door.js";
@@ -14,13 +14,10 @@ import { openRecording } from "./recording/page.js";
 import { recordingActions, recordingsView } from "./recordings_view.js";
 import { pageOf } from "./routes.js";
 import { whoIsHere } from "./session.js";
-import { Problem, secretIn } from "../shared/api.js";
-import { languageChoice } from "../shared/language_choice.js";
-import { linkIn, openLink } from "../shared/links.js";
+import { languageChoice, t } from "../shared/words.js";
 import { isOpen, keepKnown } from "./store.js";
 import { choosing, tickBoxes } from "./toolbar.js";
 import { userActions, usersView } from "./users_view.js";
-import { t } from "../shared/words.js";
 
 /**
  * @typedef {object} Desk what every page of the desk can use
@@ -82,7 +79,7 @@ function openDesk(me) {
 
   async function loadUsers() {
     await orSay(async () => {
-      desk.users = await askJson("/api/users");
+      desk.users = await requestJson("/api/users");
     });
   }
 

@@ -1,14 +1,13 @@
 // One map: the viewer, and beside it all that can be switched, placed, located and taken away.
 
-import { ask, askJson, Problem } from "./api.js";
+import { Problem, request, requestJson } from "../shared/api.js";
 import { askToLocate, askToMap } from "./asking.js";
 import { orSay, say } from "./dialogs.js";
 import { blankPage } from "./door.js";
-import { h } from "../shared/dom.js";
+import { h, icon } from "../shared/dom.js";
 import { placeOf } from "../shared/places.js";
 import { downloadsOf } from "./downloads.js";
-import { formatMetres } from "./format.js";
-import { icon } from "../shared/icons.js";
+import { formatMetres } from "../shared/format.js";
 import { livePart } from "./live_part.js";
 import { deleteMap, factsOf } from "./maps_view.js";
 import { meetingPart } from "./meeting.js";
@@ -41,7 +40,7 @@ const MODES = { "one-shot": t("one-shot"), trajectory: t("trajectory"), track: t
  */
 export async function openMap(desk, id, root, isWanted) {
   const path = `/api/maps/${encodeURIComponent(id)}`;
-  const [first, view] = await Promise.all([askJson(path), askJson(`${path}/view`)]);
+  const [first, view] = await Promise.all([requestJson(path), requestJson(`${path}/view`)]);
   if (!isWanted()) return null;
   /** @type {Map_} */
   let map = first;
@@ -110,7 +109,7 @@ export async function openMap(desk, id, root, isWanted) {
   async function look() {
     if (isGone || !isWanted()) return;
     try {
-      const now = /** @type {Map_} */ (desk.known.maps.find((each) => each.id === id) ?? (await askJson(path)));
+      const now = /** @type {Map_} */ (desk.known.maps.find((each) => each.id === id) ?? (await requestJson(path)));
       const [isSame, mayOther] = [headFacts(now) === headFacts(map), now.right !== map.right];
       map = now;
       if (isSame || isGone) return;
@@ -214,7 +213,7 @@ async function locateHere(desk, map) {
   if (ready.length === 0) return say(t("There is no recording to locate; record another walk first."), "problem");
   const job = await askToLocate(ready, [map]);
   if (!job) return undefined;
-  const well = await orSay(() => askJson("/api/jobs", { method: "POST", json: job }));
+  const well = await orSay(() => requestJson("/api/jobs", { method: "POST", json: job }));
   if (well) say(t("It shows up here as soon as it is located."));
   return desk.now();
 }
@@ -228,7 +227,7 @@ function recordingOf(desk, { kind, sources }) {
 async function mapAgain(desk, map, recording) {
   const job = recording && (await askToMap(recording, keptOf(map.facts)));
   if (!job) return undefined;
-  const well = await orSay(() => askJson("/api/jobs", { method: "POST", json: job }));
+  const well = await orSay(() => requestJson("/api/jobs", { method: "POST", json: job }));
   if (well) say(t("Another map of {{name}} is being made; this one stays.", { name: map.name }));
   return desk.now();
 }
@@ -240,7 +239,7 @@ async function loadLocated(desk, id, seen, state, fillPanel) {
   for (const job of jobs) {
     seen.add(job.id);
     await orSay(async () => {
-      const answer = await ask(`/api/jobs/${encodeURIComponent(job.id)}/fixes.csv`);
+      const answer = await request(`/api/jobs/${encodeURIComponent(job.id)}/fixes.csv`);
       const name = desk.known.recordings.find((recording) => recording.id === job.given.recording)?.name ?? t("a deleted recording");
       const mode = job.given.mode ? ` (${MODES[job.given.mode] ?? job.given.mode})` : "";
       state.located.push({ id: job.id, name: `${name}${mode}`, fixes: parseFixes(await answer.text()), shown: state.located.length === 0 });

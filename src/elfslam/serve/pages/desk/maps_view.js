@@ -1,14 +1,13 @@
 // The maps, by venue and floor: of single walks, and of floors that were merged from them; one's own and shared ones.
 
-import { ask, askJson } from "./api.js";
+import { request, requestJson } from "../shared/api.js";
 import { askToMerge } from "./asking.js";
 import { confirmDelete, orSay, say, showPerson } from "./dialogs.js";
 import { downloadsOf } from "./downloads.js";
-import { h } from "../shared/dom.js";
+import { h, icon } from "../shared/dom.js";
 import { grouped } from "../shared/places.js";
 import { chosenOf, matching, sorted } from "./finding.js";
-import { formatAgo, formatCount, formatMetres } from "./format.js";
-import { icon } from "../shared/icons.js";
+import { formatAgo, formatCount, formatMetres } from "../shared/format.js";
 import { cell, emptyPage, headOf, iconButton, lengthCell, rowHead, tableInGroups } from "./parts.js";
 import { keptOf } from "./recorded.js";
 import { renameMap, renamePlace } from "./renaming.js";
@@ -112,7 +111,7 @@ export function mapActions(desk) {
     async merge() {
       const job = await askToMerge(chosen().filter(({ right }) => right !== "read"));
       if (!job) return;
-      const well = await orSay(() => askJson("/api/jobs", { method: "POST", json: job }));
+      const well = await orSay(() => requestJson("/api/jobs", { method: "POST", json: job }));
       if (well) {
         desk.chosen.clear();
         say(t("The maps are being merged; see Jobs."));
@@ -136,7 +135,7 @@ export function mapActions(desk) {
     async "delete-chosen"() {
       const maps = chosen().filter(({ right }) => right === "own");
       if (!(await confirmDelete(counted(maps.length, "{{count}} map", "{{count}} maps"), GONE, maps.map(({ name }) => name)))) return;
-      await orSay(() => askJson("/api/maps/delete", { method: "POST", json: { ids: maps.map(({ id }) => id) } }));
+      await orSay(() => requestJson("/api/maps/delete", { method: "POST", json: { ids: maps.map(({ id }) => id) } }));
       await desk.now();
     },
   };
@@ -145,5 +144,5 @@ export function mapActions(desk) {
 /** @param {Map_} map @returns {Promise<boolean>} whether it is gone */
 export async function deleteMap(map) {
   if (!(await confirmDelete(map.name, GONE))) return false;
-  return orSay(() => ask(`/api/maps/${encodeURIComponent(map.id)}`, { method: "DELETE" }));
+  return orSay(() => request(`/api/maps/${encodeURIComponent(map.id)}`, { method: "DELETE" }));
 }

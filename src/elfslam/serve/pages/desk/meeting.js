@@ -1,9 +1,8 @@
 // How the walks of a floor map fit together: which share places, and which were refused.
 
 import { h } from "../shared/dom.js";
-import { formatNumber } from "../shared/format.js";
-import { stageWords } from "../shared/stages.js";
-import { withoutMarks } from "./format.js";
+import { formatNumber, withoutMarks } from "../shared/format.js";
+import { stageWords } from "../shared/job_words.js";
 import { part } from "./viewer/panel.js";
 import { t, translated } from "../shared/words.js";
 

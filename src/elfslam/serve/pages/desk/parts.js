@@ -1,7 +1,6 @@
 // What the lists of the desk are made of.
 
-import { h } from "../shared/dom.js";
-import { icon } from "../shared/icons.js";
+import { h, icon } from "../shared/dom.js";
 import { t } from "../shared/words.js";
 
 /** @param {string} title @param {string} words @param {...any} actions */

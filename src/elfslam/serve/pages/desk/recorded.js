@@ -1,8 +1,7 @@
 // On the page of a map: what its recording has along its time, what is missing, and mapping it again.
 
-import { h } from "../shared/dom.js";
-import { icon } from "../shared/icons.js";
-import { missingLine } from "../shared/missing.js";
+import { h, icon } from "../shared/dom.js";
+import { missingLine } from "../shared/job_words.js";
 import { formatMoment } from "../shared/format.js";
 import { courseLanes, courseOf } from "./timeline.js";
 import { part } from "./viewer/panel.js";
@@ -15,7 +14,7 @@ import { t } from "../shared/words.js";
 /** Hidden for a map of several walks, and where the recording is gone and lacked nothing.
  * @param {Map_} map @param {Recording | undefined} recording @param {() => void} again */
 export function recordedPart({ kind, facts }, recording, again) {
-  const missing = /** @type {import("../shared/missing.js").Missing[]} */ (facts?.missing ?? []);
+  const missing = /** @type {import("../shared/job_words.js").Missing[]} */ (facts?.missing ?? []);
   if (kind !== "run" || (!recording && missing.length === 0)) return h("section", { hidden: true });
   const kept = keptOf(facts);
   const course = recording ? courseOf(recording) : null;

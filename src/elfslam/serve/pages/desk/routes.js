@@ -1,6 +1,6 @@
 // Which page an address means. Pure.
 
-import { linkIn } from "../shared/links.js";
+import { linkIn } from "../shared/api.js";
 
 /** @typedef {"recordings" | "jobs" | "maps" | "users" | "map" | "recording" | "shared" | "missing"} PageName */
 

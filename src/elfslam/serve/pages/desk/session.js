@@ -1,8 +1,7 @@
 // Who is here: the token of the address becomes a cookie, and leaves the address.
 
-import { ask, askJson, Problem } from "./api.js";
-import { forgetHere } from "../keeping/pairing.js";
-import { openSession } from "../shared/api.js";
+import { Problem, openSession, request, requestJson } from "../shared/api.js";
+import { forgetHere } from "../keeping/store.js";
 
 /** @typedef {{id: string, name: string, is_owner: boolean, used_bytes: number, limits: any}} Me */
 
@@ -13,7 +12,7 @@ import { openSession } from "../shared/api.js";
 export async function whoIsHere() {
   try {
     await openSession(location, history);
-    return await askJson("/api/me");
+    return await requestJson("/api/me");
   } catch (problem) {
     if (problem instanceof Problem && problem.status === 401) return null;
     throw problem;
@@ -23,5 +22,5 @@ export async function whoIsHere() {
 /** Forget the maps that this browser keeps, and its session: the page leaves as soon as that is gone. */
 export async function signOut() {
   await forgetHere();
-  await ask("/api/session", { method: "DELETE" });
+  await request("/api/session", { method: "DELETE" });
 }

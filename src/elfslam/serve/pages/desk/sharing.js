@@ -1,11 +1,10 @@
 // Sharing a map: with people of this server, with groups of them, and with everyone who has its link.
 
-import { ask, askJson } from "./api.js";
+import { request, requestJson } from "../shared/api.js";
 import { addressField, codeOf } from "./codes.js";
 import { askPerson, orSay, showPerson } from "./dialogs.js";
 import { askGroup, deleteGroup, loadGroups, sizeOf } from "./groups.js";
-import { h } from "../shared/dom.js";
-import { icon } from "../shared/icons.js";
+import { h, icon } from "../shared/dom.js";
 import { smallButton } from "./parts.js";
 import { byName } from "../shared/places.js";
 import { counted, t } from "../shared/words.js";
@@ -35,7 +34,7 @@ export function sharedWords({ right, shared_with: count, has_link: hasLink }) {
 export async function shareMap({ id, name }) {
   const path = `/api/maps/${encodeURIComponent(id)}`;
   await orSay(async () => {
-    const [people, groups, shares] = await Promise.all([askJson("/api/people"), loadGroups(), askJson(`${path}/shares`)]);
+    const [people, groups, shares] = await Promise.all([requestJson("/api/people"), loadGroups(), requestJson(`${path}/shares`)]);
     const status = h("p", { class: "soft saved", role: "status" });
     /** Sends a change; whether it went well. @param {() => Promise<unknown>} deed */
     const save = async (deed) => {
@@ -70,7 +69,7 @@ function peoplePart(path, people, shares, save) {
   const rows = people.map(({ id, name }) => {
     const address = `${path}/shares/${encodeURIComponent(id)}`;
     const set = (/** @type {May} */ may) => save(() => (may === ""
-      ? ask(address, { method: "DELETE" }) : askJson(address, { method: "PUT", json: { may } })));
+      ? request(address, { method: "DELETE" }) : requestJson(address, { method: "PUT", json: { may } })));
     return h("li", { "data-name": name.toLowerCase() }, h("span", null, name), mayField(t("What {{name}} may do", { name }), has.get(id) ?? "", t("No access"), set));
   });
   const search = h("input", { type: "search", placeholder: t("Search people"), "aria-label": t("Search people"), autocomplete: "off" });
@@ -98,7 +97,7 @@ function groupPart(path, people, groups, shares, save) {
     const { id, name } = group;
     const address = `${path}/groups/${encodeURIComponent(id)}`;
     const set = async (/** @type {May} */ may) => {
-      const well = await save(() => (may === "" ? ask(address, { method: "DELETE" }) : askJson(address, { method: "PUT", json: { may } })));
+      const well = await save(() => (may === "" ? request(address, { method: "DELETE" }) : requestJson(address, { method: "PUT", json: { may } })));
       if (well) has.set(id, may);
       return well;
     };
@@ -144,8 +143,8 @@ function linkPart(path, shares, save) {
   const set = async (/** @type {May} */ may) => {
     if (may === "" && !(await confirmWithdrawal())) return false;
     return save(async () => {
-      if (may === "") await ask(`${path}/link`, { method: "DELETE" });
-      show(may === "" ? null : (await askJson(`${path}/link`, { method: "PUT", json: { may } })).link);
+      if (may === "") await request(`${path}/link`, { method: "DELETE" });
+      show(may === "" ? null : (await requestJson(`${path}/link`, { method: "PUT", json: { may } })).link);
     });
   };
   show(shares.link);
@@ -166,7 +165,7 @@ export async function leaveMap({ id, name, owner }) {
   const body = h("p", null, t("{{owner}} keeps the map, and can share it with you again. Where it is shared with a group that you are in, you leave the group.", { owner }));
   if ((await askPerson({ title: t("Take {{name}} off your list?", { name }), body, submit: t("Take it off"), danger: true, cancel: t("Keep it") })) === null) return false;
   return orSay(async () => {
-    const me = await askJson("/api/me");
-    await ask(`/api/maps/${encodeURIComponent(id)}/shares/${encodeURIComponent(me.id)}`, { method: "DELETE" });
+    const me = await requestJson("/api/me");
+    await request(`/api/maps/${encodeURIComponent(id)}/shares/${encodeURIComponent(me.id)}`, { method: "DELETE" });
   });
 }

@@ -1,6 +1,6 @@
 // What the page knows of the server, asked for again while something moves.
 
-import { askJson } from "./api.js";
+import { requestJson } from "../shared/api.js";
 import { poll } from "./polling.js";
 import { t } from "../shared/words.js";
 
@@ -20,7 +20,7 @@ export function keepKnown(fresh, tell) {
 
   async function question() {
     const [recordings, jobs, maps] = await Promise.all(
-      ["/api/recordings", "/api/jobs", "/api/maps"].map((path) => askJson(path)));
+      ["/api/recordings", "/api/jobs", "/api/maps"].map((path) => requestJson(path)));
     Object.assign(known, { recordings: newest(recordings), jobs: newest(jobs), maps: newest(maps), loaded: true });
     const now = JSON.stringify([recordings, jobs, maps]);
     const differs = now !== last;

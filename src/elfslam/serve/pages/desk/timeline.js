@@ -12,7 +12,7 @@ const STEP_S = 0.1;
 const LANE = 10;
 const LANES = /** @type {const} */ ([["sound", t("Sound")], ["motion", t("Motion")]]);
 /** The least that can be chosen, s. */
-export const LEAST_S = 2;
+const LEAST_S = 2;
 
 /** What is known of a recording along its time; null where nothing is. @param {Recording} recording
  * @returns {Course | null} */

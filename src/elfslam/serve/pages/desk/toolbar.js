@@ -1,7 +1,6 @@
 // Above a list: what is searched for, what it is sorted by, and what is done with the chosen ones.
 
-import { h } from "../shared/dom.js";
-import { icon } from "../shared/icons.js";
+import { h, icon } from "../shared/dom.js";
 import { SORTS } from "./finding.js";
 import { counted, inSentence, t } from "../shared/words.js";
 

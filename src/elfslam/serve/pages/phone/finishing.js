@@ -2,8 +2,7 @@
 
 import { ask } from "../shared/api.js";
 import { formatBytes, formatDuration } from "../shared/format.js";
-import { missingWords } from "../shared/missing.js";
-import { stageWords } from "../shared/stages.js";
+import { missingWords, stageWords } from "../shared/job_words.js";
 import { SOUND_FILES, TABLE_FILES } from "./mending.js";
 import { sendWalk } from "./sending.js";
 import {
@@ -16,7 +15,7 @@ import { t, translated } from "../shared/words.js";
  * @typedef {import("./sending.js").Progress} Progress
  * @typedef {import("./sending.js").Sent} Sent
  * @typedef {{created_utc: string, doing: string, kind: string, problem: string | null, share: number | null} & (
- *   {state: "done", gave: {map: string, missing?: import("../shared/missing.js").Missing[]}} | {state: "queued" | "running" | "failed" | "cancelled"}
+ *   {state: "done", gave: {map: string, missing?: import("../shared/job_words.js").Missing[]}} | {state: "queued" | "running" | "failed" | "cancelled"}
  * )} Job as far as the page needs it
  */
 
@@ -24,7 +23,7 @@ const GLANCE_MS = 1500;
 const MOST_FAILURES = 40;
 
 /** @param {import("./manifest.js").Walk} state @returns {string[]} its files, the manifest last */
-export function filesOf({ kind }) {
+function filesOf({ kind }) {
   const { table, file } = SOUND_FILES[kind];
   return [file, table, ...TABLE_FILES, "recording.json"];
 }

@@ -4,8 +4,7 @@
  */
 
 import { Problem, ask, openSession, pairWith } from "../shared/api.js";
-import { languageChoice } from "../shared/language_choice.js";
-import { t } from "../shared/words.js";
+import { languageChoice, t } from "../shared/words.js";
 import { MEDIUM_ACCESS } from "../stages/medium_access.js";
 import { CHIRP } from "./chirp.js";
 import { openDevices } from "./devices.js";

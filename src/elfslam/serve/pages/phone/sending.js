@@ -32,7 +32,7 @@ const LEAST_WAIT_S = 1;
  */
 
 /** Thrown where trying again is of no use. */
-export class Stuck extends Error {}
+class Stuck extends Error {}
 
 /**
  * @param {Sent} sent

@@ -3,13 +3,13 @@
 import { ELF_SIZE } from "./floor_map.js";
 
 /** With so many echoes of nothing a walk begins. */
-export const UNHEARD_ECHOES = 30;
+const UNHEARD_ECHOES = 30;
 /** An echo is compared with the one so many before it, half a second. */
-export const STILL_ECHOES = 5;
+const STILL_ECHOES = 5;
 /** Above this cosine the phone stands. */
-export const STILL = 0.6;
+const STILL = 0.6;
 /** What an echo then counts: the mean would fill with that place. */
-export const STILL_WEIGHT = 0.05;
+const STILL_WEIGHT = 0.05;
 
 /**
  * Takes the unit vectors (n, 128) of a walk as they come and gives each less the mean of those so far, made unit again.

@@ -9,7 +9,7 @@ import { ECHO_RATE_HZ, makeResampler } from "./resample.js";
 import { makeStream } from "../phone/stream.js";
 
 /** 10 ms of direct path and 1 ms of reflection off the holder's body, at 44.1 kHz. */
-export const DISCARDED_SAMPLES = 485;
+const DISCARDED_SAMPLES = 485;
 /** Sound that is remembered at the most, whatever is still waited for. */
 const REMEMBERED = 10 * ECHO_RATE_HZ;
 /** Of the envelope so much is there for whoever listens to others, which waits for the own chirps. */

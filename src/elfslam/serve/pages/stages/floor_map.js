@@ -22,7 +22,7 @@ export const ELF_SIZE = 128;
  */
 
 /** @param {FloorMap} floorMap @returns {number} how many spots it has */
-export function spotCount(floorMap) {
+function spotCount(floorMap) {
   return floorMap.headingRad.length;
 }
 

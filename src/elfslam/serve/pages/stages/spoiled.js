@@ -29,7 +29,7 @@ const FEWEST = 2;
  */
 
 /** Up to which sample the envelope must reach before a frame can be looked at. @param {number} sample */
-export function reachOf(sample) {
+function reachOf(sample) {
   return sample + FRAME * BIN;
 }
 

@@ -1,10 +1,8 @@
 // One recording: what was recorded, the curves of its sensors, and its files to be taken away.
 
-import { askJson } from "../api.js";
-import { h } from "../../shared/dom.js";
-import { icon } from "../../shared/icons.js";
-import { formatWhen } from "../../shared/format.js";
-import { fileName, formatBytes, formatCount, formatDuration } from "../format.js";
+import { requestJson } from "../../shared/api.js";
+import { h, icon } from "../../shared/dom.js";
+import { fileName, formatBytes, formatCount, formatDuration, formatWhen } from "../../shared/format.js";
 import { bytesOf, deleteRecording, mapRecording, stateOf } from "../recordings_view.js";
 import { spanOf } from "./curves.js";
 import { plotOf } from "./plot.js";
@@ -24,7 +22,7 @@ import { t } from "../../shared/words.js";
  */
 export async function openRecording(desk, id, root, isWanted) {
   const path = `/api/recordings/${encodeURIComponent(id)}`;
-  const recording = /** @type {Recording} */ (await askJson(path));
+  const recording = /** @type {Recording} */ (await requestJson(path));
   if (!isWanted()) return null;
   const state = h("div", { class: "recording-state" });
   const facts = h("dl", { class: "facts" });
@@ -72,7 +70,7 @@ function fillFacts(place, recording, look) {
 /** @param {Recording} recording @param {string} path @param {HTMLElement} facts @param {HTMLElement} curves */
 async function showSensors(recording, path, facts, curves) {
   try {
-    const look = /** @type {Look} */ (await askJson(`${path}/sensors`));
+    const look = /** @type {Look} */ (await requestJson(`${path}/sensors`));
     fillFacts(facts, recording, look);
     const span = spanOf(look.curves);
     const plots = look.curves.map((curve) => plotOf(curve, span)).filter(Boolean);

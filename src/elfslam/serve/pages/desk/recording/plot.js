@@ -1,7 +1,7 @@
 // One curve as a drawing that stretches with the page, with what is under the finger told above it.
 
 import { h, svg } from "../../shared/dom.js";
-import { formatDuration } from "../format.js";
+import { formatDuration } from "../../shared/format.js";
 import { extentOf, isCounted, pathOf, readingText, shareDown, stretchAt, summaryOf, tickText, ticksOf, timeAt, titleOf } from "./curves.js";
 
 /** @typedef {import("./curves.js").Curve} Curve */

@@ -3,8 +3,7 @@
 import { h } from "../../shared/dom.js";
 import { draw } from "./draw.js";
 import { onGestures } from "../../shared/map/gestures.js";
-import { density } from "../../shared/map/ground.js";
-import { makeScale, mountSurface, zoomButtons } from "../../shared/map/surface.js";
+import { density, makeScale, mountSurface, zoomButtons } from "../../shared/map/ground.js";
 import { drawLive } from "./live.js";
 import { drawMarks, focusPlace } from "./marks.js";
 import { grabPlan } from "./placing.js";

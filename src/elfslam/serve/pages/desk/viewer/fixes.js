@@ -4,7 +4,7 @@ import { t } from "../../shared/words.js";
 
 /** @typedef {{t_s: number, xy_m: [number, number] | null, heading_rad: number | null, sigma_m: number | null, status: string}} Fix */
 
-export const FIX_COLUMNS = ["t_s", "x_m", "y_m", "heading_rad", "sigma_m", "status"];
+const FIX_COLUMNS = ["t_s", "x_m", "y_m", "heading_rad", "sigma_m", "status"];
 
 /** What the statuses mean to people. @type {Record<string, string>} */
 export const STATUS_WORDS = {

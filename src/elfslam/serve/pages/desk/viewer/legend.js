@@ -1,7 +1,7 @@
 // What the colours and marks of the map mean.
 
 import { h } from "../../shared/dom.js";
-import { formatDuration, formatMetres } from "../format.js";
+import { formatDuration, formatMetres } from "../../shared/format.js";
 import { css, timeColour } from "./colours.js";
 import { STATUS_WORDS } from "./fixes.js";
 import { coverageColour } from "./paths.js";

@@ -1,7 +1,7 @@
 // Beside the map: which layers are on, which walks are shown, and what is known of them.
 
 import { h } from "../../shared/dom.js";
-import { formatDuration, formatMetres } from "../format.js";
+import { formatDuration, formatMetres } from "../../shared/format.js";
 import { colourOf } from "./draw.js";
 import { countStatuses, STATUS_WORDS } from "./fixes.js";
 import { paletteOf } from "./state.js";
@@ -60,7 +60,7 @@ export function layerPart(scene, state, changed) {
 
 /** One of two or three. @param {string} legend @param {string} name @param {[string, string][]} choices
  * @param {string} chosen @param {(value: string) => void} choose */
-export function either(legend, name, choices, chosen, choose) {
+function either(legend, name, choices, chosen, choose) {
   return h("fieldset", { class: "either" }, h("legend", null, legend), h("div", null, choices.map(([value, words]) => {
     const input = h("input", { type: "radio", name, value });
     input.checked = value === chosen;

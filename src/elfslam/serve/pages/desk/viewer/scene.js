@@ -1,6 +1,6 @@
 // A map as the viewer needs it: walks with their lengths, paths and an index of every footstep.
 
-import { withoutMarks } from "../format.js";
+import { withoutMarks } from "../../shared/format.js";
 import { stretches } from "./band.js";
 import { limitsOf } from "./colours.js";
 import { indexOf } from "./nearest.js";

@@ -1,7 +1,6 @@
 // What is under the finger, in words. Pure.
 
-import { formatNumber } from "../../shared/format.js";
-import { formatDuration, formatMetres } from "../format.js";
+import { formatDuration, formatMetres, formatNumber } from "../../shared/format.js";
 import { STATUS_WORDS } from "./fixes.js";
 import { nearest } from "./nearest.js";
 import { cellAt, stepAt } from "./scene.js";

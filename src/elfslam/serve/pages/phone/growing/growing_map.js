@@ -1,8 +1,7 @@
 /** The walk so far on a canvas: what is covered, the way, loops that have closed, and what to walk next. */
 
-import { density, dot, drawGrid, inMetres, stroke } from "../../shared/map/ground.js";
+import { density, dot, drawGrid, inMetres, makeScale, mountSurface, stroke } from "../../shared/map/ground.js";
 import { boundsOf, fit, toScreen } from "../../shared/map/projection.js";
-import { makeScale, mountSurface } from "../../shared/map/surface.js";
 import { paletteOf } from "../locating/place_map.js";
 import { at } from "../view.js";
 

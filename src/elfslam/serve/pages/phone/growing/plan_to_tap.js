@@ -2,11 +2,10 @@
 
 import { h } from "../../shared/dom.js";
 import { onGestures } from "../../shared/map/gestures.js";
-import { density, drawGrid, drawPlan } from "../../shared/map/ground.js";
+import { density, drawGrid, drawPlan, mountSurface, zoomButtons } from "../../shared/map/ground.js";
 import { corners } from "../../shared/map/placement.js";
 import { drawPointsOfInterest } from "../../shared/map/points_of_interest.js";
 import { boundsOf, fit, toMap } from "../../shared/map/projection.js";
-import { mountSurface, zoomButtons } from "../../shared/map/surface.js";
 import { t } from "../../shared/words.js";
 import { paletteOf } from "../locating/place_map.js";
 

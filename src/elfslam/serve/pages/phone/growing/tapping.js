@@ -2,7 +2,7 @@
 
 import { openPackages } from "../../keeping/packages.js";
 import { openStore } from "../../keeping/store.js";
-import { loadPlanImage } from "../../shared/map/plan_image.js";
+import { loadPlanImage } from "../../shared/map/ground.js";
 import { counted } from "../../shared/words.js";
 import { at, make } from "../view.js";
 import { mountPlanToTap, placeAt } from "./plan_to_tap.js";

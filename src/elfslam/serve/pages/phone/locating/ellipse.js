@@ -3,7 +3,7 @@
 /** @typedef {[number, number, number]} Covariance xx, xy, yy in square metres */
 
 /** Of the places where the walker may be, so many lie within: two of three. */
-export const SHARE = 2 / 3;
+const SHARE = 2 / 3;
 /** Sigmas that hold this share of a bell curve in the plane. */
 export const SIGMAS = Math.sqrt(-2 * Math.log(1 - SHARE));
 

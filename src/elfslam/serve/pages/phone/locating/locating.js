@@ -1,6 +1,6 @@
 /** The view "Where am I": a walker on a map, from the tap that starts it to the one that stops it. */
 
-import { loadPlanImage } from "../../shared/map/plan_image.js";
+import { loadPlanImage } from "../../shared/map/ground.js";
 import { at, showView } from "../view.js";
 import { stayAwake } from "../wake.js";
 import { makeChoosing } from "./choosing.js";
@@ -17,7 +17,7 @@ import { READYING, STOPPED, WAITING } from "./words.js";
 /**
  * What the view knows.
  * @typedef {object} Here
- * @property {import("../../keeping/opening.js").Opened | null} kept the map
+ * @property {import("../../keeping/packages.js").Opened | null} kept the map
  * @property {ReturnType<typeof mountPlaceMap> | null} map
  * @property {ReturnType<typeof offerWays> | null} ways to its named places
  * @property {import("./trail.js").Trail} trail
@@ -136,7 +136,7 @@ function tell(words) {
 
 /**
  * @param {ReturnType<typeof mountPlaceMap>} map
- * @param {import("../../keeping/opening.js").Facts["floorPlan"]} plan
+ * @param {import("../../keeping/packages.js").Facts["floorPlan"]} plan
  */
 async function showPlan(map, plan) {
   if (!plan?.placement) return;

@@ -9,7 +9,7 @@
  * @typedef {{id: string, name: string, created_utc?: string, revision?: number | null, venue?: string | null,
  *   floor?: string | null, owner?: string | null, right?: string}} OfferedMap revision: null where the server has it
  *   no more
- * @typedef {import("../../keeping/links.js").LinkedMap} LinkedMap
+ * @typedef {import("../../keeping/store.js").LinkedMap} LinkedMap
  */
 
 /**

@@ -42,7 +42,7 @@ export function questionOf({ coords: { latitude, longitude, accuracy } }) {
  * @param {{candidates: {building: string, floor: number, map: string, revision: number}[]}} answer
  * @returns {NearMap[]}
  */
-export function floorsOf({ candidates }) {
+function floorsOf({ candidates }) {
   return candidates.map(({ building, floor, map, revision }) => {
     const name = floorName(floor);
     return { id: map, name: `${building}, ${inSentence(name)}`, revision, venue: building, floor: name };

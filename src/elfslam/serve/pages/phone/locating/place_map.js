@@ -1,12 +1,10 @@
 /** The map on the canvas of the view: it follows the walker until a hand moves it. */
 
-import { h } from "../../shared/dom.js";
-import { icon } from "../../shared/icons.js";
+import { h, icon } from "../../shared/dom.js";
 import { onGestures } from "../../shared/map/gestures.js";
-import { density } from "../../shared/map/ground.js";
+import { density, makeScale, mountSurface, zoomButtons } from "../../shared/map/ground.js";
 import { corners } from "../../shared/map/placement.js";
 import { around, boundsOf, fit } from "../../shared/map/projection.js";
-import { makeScale, mountSurface, zoomButtons } from "../../shared/map/surface.js";
 import { drawPlace } from "./draw_place.js";
 import { groundOf } from "./ground_of_map.js";
 import { NO_TRAIL } from "./trail.js";

@@ -27,7 +27,7 @@ export function halfways(values) {
 }
 
 /** @param {ArrayLike<number>} sorted @param {number} value @returns {number} how many are not above it */
-export function countUpTo(sorted, value) {
+function countUpTo(sorted, value) {
   let low = 0;
   let high = sorted.length;
   while (low < high) {

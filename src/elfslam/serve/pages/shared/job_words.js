@@ -1,7 +1,31 @@
-/** What a recording lacks, in words: the same on the phone and at the desk. */
+/** What the server is at, in the reader's language. */
 
 import { formatMoment } from "./format.js";
-import { counted, t } from "./words.js";
+import { counted, t, translated } from "./words.js";
+
+/** By the server's own names; what has another name is told as it came. @type {Record<string, string>} */
+const STAGES = {
+  motion: t("motion"),
+  echoes: t("echoes"),
+  "step length": t("step length"),
+  features: t("features"),
+  similarity: t("similarity"),
+  closures: t("closures"),
+  graph: t("graph"),
+  map: t("map"),
+  reading: t("reading"),
+  locating: t("locating"),
+  "comparing walks": t("comparing walks"),
+  "joining walks": t("joining walks"),
+  merged: t("merged"),
+};
+
+/** @param {string} doing as the server says it @returns {string} */
+export function stageWords(doing) {
+  return STAGES[doing] ?? translated(doing);
+}
+
+// What a recording lacks, in words: the same on the phone and at the desk.
 
 /** @typedef {{what: string, from_s: number, until_s: number}} Missing a stretch without sound, or without motion */
 
