@@ -6,7 +6,7 @@ import { test } from "node:test";
 import { MessageChannel } from "node:worker_threads";
 
 import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/stages/medium_access.js";
-import { CHIRP } from "../../../../src/elfslam/serve/pages/phone/chirp.js";
+import { CHIRP } from "../../../../src/elfslam/serve/pages/stages/chirp.js";
 import { RULES } from "../../../../src/elfslam/serve/pages/phone/arrivals.js";
 
 const vectors = JSON.parse(readFileSync(process.env.ELFSLAM_VECTORS, "utf8"));

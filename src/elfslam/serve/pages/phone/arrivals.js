@@ -3,7 +3,7 @@
  * near where it is due; anywhere in the period where it is not; a jump is noted.
  */
 
-import { earliest, median, strongest } from "./matched_filter.js";
+import { earliest, median, strongest } from "../stages/matched_filter.js";
 
 export const RULES = {
   /** Direct arrival over the median envelope, at the least. */

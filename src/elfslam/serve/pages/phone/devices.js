@@ -1,6 +1,6 @@
 /** Microphone, loudspeaker and motion of this phone, as walking and locating share them. */
 
-import { makeChirp, periodSamples } from "./chirp.js";
+import { excitationOf, periodSamples } from "../stages/chirp.js";
 import { watchClocks } from "./clocks.js";
 import { openMicrophone } from "./microphone.js";
 import { keptChoice } from "./microphones.js";
@@ -21,7 +21,7 @@ import { startSound } from "./sound.js";
 
 /**
  * Must be called from a tap. Raises Problem.
- * @param {import("./keeper.js").Keeper} keeper @param {import("./chirp.js").Chirp} chirp
+ * @param {import("./keeper.js").Keeper} keeper @param {import("../stages/chirp.js").Chirp} chirp
  * @param {import("../stages/medium_access.js").MediumAccessParameters} mediumAccess as the server takes them
  * @returns {Promise<Devices>}
  */
@@ -31,7 +31,7 @@ export async function openDevices(keeper, chirp, mediumAccess) {
   const isMotionAllowed = await motion;
   const sound = startSound(microphone, keeper, chirp);
   const rateHz = microphone.context.sampleRate;
-  const samples = makeChirp(chirp, rateHz);
+  const samples = excitationOf(chirp, rateHz);
   const period = periodSamples(chirp, rateHz);
   /** @type {Devices["play"]} */
   const play = (delayS, count) => startChirps(microphone.context, samples, period, delayS, count);

@@ -3,10 +3,10 @@
 import { NOTHING_YET, nextArrival, wantedStretch } from "./arrivals.js";
 import { makeBandFilter } from "./band_filter.js";
 import { BASEBAND, makeBaseband, scaleOf, toInt16 } from "./baseband.js";
-import { makeMatchedFilter } from "./matched_filter.js";
+import { makeMatchedFilter } from "../stages/matched_filter.js";
 import { makeScheduled } from "./scheduled.js";
 import { frameRow, toBytes, toPcm } from "./sound_files.js";
-import { makeStream } from "./stream.js";
+import { makeStream } from "../stages/resample.js";
 
 const FRAME_S = 0.08;
 
@@ -15,10 +15,10 @@ const FRAME_S = 0.08;
  * @typedef {import("./arrivals.js").Arrival & {played?: number}} Arrival played: where that was told
  * @typedef {{arrival: Arrival, tS: number, row: string, bytes: Uint8Array}} Frame
  * @typedef {{index: (direct: number) => number, lastNeeded: (direct: number) => number,
- *   cut: (stream: import("./stream.js").Stream, index: number) => {tS: number, row: string, bytes: Uint8Array}}} Cutter
+ *   cut: (stream: import("../stages/resample.js").Stream, index: number) => {tS: number, row: string, bytes: Uint8Array}}} Cutter
  * @typedef {{push: (first: number, samples: Float32Array) => {frames: Frame[], missing: number},
  *   played: (sample: number) => void, end: () => number,
- *   heard: import("./hearing.js").HeardSound}} Framer
+ *   heard: import("../stages/hearing.js").HeardSound}} Framer
  *   played: tells when a chirp was played, before it can be heard; without it they come once per period
  */
 

@@ -6,7 +6,7 @@
 import { Problem, ask, openSession, pairWith } from "../shared/api.js";
 import { languageChoice, t } from "../shared/words.js";
 import { MEDIUM_ACCESS } from "../stages/medium_access.js";
-import { CHIRP } from "./chirp.js";
+import { CHIRP } from "../stages/chirp.js";
 import { openDevices } from "./devices.js";
 import { hasLinks, openShared } from "./guest.js";
 import { parseStart, usualName, walkKey } from "./form.js";
@@ -37,7 +37,7 @@ const keeper = startKeeper();
 /**
  * What the page knows; `phone` is there once sound and motion are allowed.
  * @type {{
- *   chirp: import("./chirp.js").Chirp, software: string, phone: Phone | null, walks: Sent[],
+ *   chirp: import("../stages/chirp.js").Chirp, software: string, phone: Phone | null, walks: Sent[],
  *   mediumAccess: import("../stages/medium_access.js").MediumAccessParameters,
  *   current?: Sent, sending?: Sending, begun?: Promise<void>, isGuest: boolean,
  * }} current: the walk that is shown; isGuest: a link brought somebody here

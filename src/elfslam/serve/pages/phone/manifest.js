@@ -6,7 +6,7 @@ import { BASEBAND } from "./baseband.js";
  * What is kept of a walk beside its bytes.
  * @typedef {{
  *   version: 1, name: string, device: string, startPose: number[] | null, startUtc: string,
- *   kind: "baseband" | "whole", rateHz: number, scale?: number, chirp: import("./chirp.js").Chirp,
+ *   kind: "baseband" | "whole", rateHz: number, scale?: number, chirp: import("../stages/chirp.js").Chirp,
  *   capture: object, facts: Facts, recording: string | null, uploads: Record<string, string>,
  *   isOver: boolean, marks?: string[], taps?: Record<string, [number, number]>, tappedOn?: string,
  * }} Walk marks: names of the places that the walker marked; taps: where some of them are on the plan of the map

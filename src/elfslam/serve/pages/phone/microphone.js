@@ -1,7 +1,7 @@
 /** The microphone as it is, without the browser's improvements, and the sound clock that it runs on. */
 
 import { Problem } from "../shared/api.js";
-import { ACCEPTED_RATES_HZ } from "./chirp.js";
+import { ACCEPTED_RATES_HZ } from "../stages/chirp.js";
 import { t } from "../shared/words.js";
 
 /** Plain false: `exact` makes some browsers refuse altogether. */

@@ -1,7 +1,6 @@
 /** What two seconds of chirps tell about a phone, as numbers; verdicts.js says them in words. */
 
-import { complexZeros, fourierOf } from "./fourier.js";
-import { earliest, makeMatchedFilter, median, strongest } from "./matched_filter.js";
+import { complexZeros, earliest, fourierOf, makeMatchedFilter, median, strongest } from "../stages/matched_filter.js";
 import { RULES } from "./arrivals.js";
 
 /** Samples: as long as a chirp; so many at both ends fade. */

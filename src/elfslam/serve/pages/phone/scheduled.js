@@ -1,9 +1,9 @@
 /** The direct arrivals of chirps of which it is told when they were played, at the microphone's own rate. */
 
-import { makeEnvelope } from "../stages/echo_envelope.js";
+import { makeEnvelope } from "../stages/matched_filter.js";
 import { makeScheduleSearch } from "../stages/echo_schedule.js";
 import { RULES } from "./arrivals.js";
-import { makeStream } from "./stream.js";
+import { makeStream } from "../stages/resample.js";
 
 /** Of the envelope so much is remembered for whoever listens to others. */
 const HEARD_S = 4;
@@ -28,7 +28,7 @@ const PARAMETERS = {
  * @param {{rateHz: number, chirp: Float32Array, period: number, guess: number, origin?: number}} given guess:
  *   samples from playing to hearing, as long as nothing is heard; origin: the sample at which the stream begins
  * @returns {{push: (samples: Float32Array) => Arrival[], played: (sample: number) => void,
- *   hasBegun: () => boolean, needs: () => number, heard: import("./hearing.js").HeardSound}}
+ *   hasBegun: () => boolean, needs: () => number, heard: import("../stages/hearing.js").HeardSound}}
  */
 export function makeScheduled({ rateHz, chirp, period, guess, origin = 0 }) {
   const envelopeOf = makeEnvelope(chirp);
@@ -64,7 +64,7 @@ export function makeScheduled({ rateHz, chirp, period, guess, origin = 0 }) {
     return arrivals.map(({ level, isFound, ...arrival }) => ({ ...arrival, isFound, peak: isFound ? level : 0 }));
   };
 
-  /** @type {import("./hearing.js").HeardSound} */
+  /** @type {import("../stages/hearing.js").HeardSound} */
   const heard = {
     envelope: envelope.slice,
     end: envelope.end,

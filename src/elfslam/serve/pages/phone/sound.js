@@ -11,7 +11,7 @@
 /**
  * @param {import("./microphone.js").Microphone} microphone
  * @param {import("./keeper.js").Keeper} keeper
- * @param {import("./chirp.js").Chirp} chirp
+ * @param {import("../stages/chirp.js").Chirp} chirp
  * @returns {Sound}
  */
 export function startSound(microphone, keeper, chirp) {

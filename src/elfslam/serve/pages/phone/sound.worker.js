@@ -3,16 +3,16 @@
  * them: nothing, gather them for the probe, or frame them and hand the bytes to the keeper.
  */
 
-import { makeChirp, periodSamples } from "./chirp.js";
+import { excitationOf, periodSamples } from "../stages/chirp.js";
 import { makeFramer } from "./framer.js";
-import { makeHearing } from "./hearing.js";
+import { makeHearing } from "../stages/hearing.js";
 import { measure } from "./probe.js";
 import { FRAME_HEADERS, wavHeader } from "./sound_files.js";
 
 /**
  * @typedef {import("./framer.js").Kind} Kind
- * @typedef {import("./hearing.js").Told} Told
- * @typedef {{rateHz: number, chirp: import("./chirp.js").Chirp}} Played
+ * @typedef {import("../stages/hearing.js").Told} Told
+ * @typedef {{rateHz: number, chirp: import("../stages/chirp.js").Chirp}} Played
  * @typedef {[name: string, bytes: Uint8Array][]} Parts of files
  */
 
@@ -28,7 +28,7 @@ let note = (_slot) => {};
 const orders = {
   /** @param {Played & {source: MessagePort, store: MessagePort}} order */
   open({ rateHz, chirp, source, store }) {
-    sound = { rateHz, chirp, samples: makeChirp(chirp, rateHz) };
+    sound = { rateHz, chirp, samples: excitationOf(chirp, rateHz) };
     keeper = store;
     source.onmessage = ({ data }) => take(data.first, data.samples);
   },

@@ -5,7 +5,7 @@ import { t } from "../shared/words.js";
 import { soundTime } from "./clocks.js";
 import { manifestOf } from "./manifest.js";
 import { CHECKPOINTS, CHIRPS } from "./mending.js";
-import { median } from "./matched_filter.js";
+import { median } from "../stages/matched_filter.js";
 import { NO_STEPS, TABLE_HEADER, countStep, tableRow } from "./motion.js";
 import { listenToMotion } from "./motion_sensor.js";
 

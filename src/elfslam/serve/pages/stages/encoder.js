@@ -1,7 +1,7 @@
 /** The encoder: the same ONNX file as in Python, run by onnxruntime's WebAssembly on one thread. */
 
-import { ELF_SIZE } from "./floor_map.js";
 import { marked } from "../shared/marked.js";
+import { ELF_SIZE } from "./floor_map.js";
 
 export const ECHO_SAMPLES = 2352;
 const AT_ONCE = 256;
@@ -125,4 +125,54 @@ function checkTraces(samples, n) {
       `echoes: wanted ${n} of ${ECHO_SAMPLES} samples, got ${samples.length} samples; cut them again`,
     );
   }
+}
+
+// What all echoes of a walk have in common is the phone's and tells no place: as elfslam.stages.feature takes it away.
+
+/** With so many echoes of nothing a walk begins. */
+const PRIOR_FRAMES = 30;
+/** An echo is compared with the one so many before it, half a second. */
+const STILL_ECHOES = 5;
+/** Above this cosine the phone stands. */
+const STILL = 0.6;
+/** What an echo then counts: the mean would fill with that place. */
+const STILL_WEIGHT = 0.05;
+
+/**
+ * Takes the unit vectors (n, 128) of a walk as they come and gives each less the mean of those so far, made unit again.
+ * @returns {(vectors: Float32Array) => Float32Array}
+ */
+export function makeMeanNormalisation() {
+  const sum = new Float64Array(ELF_SIZE);
+  let counted = PRIOR_FRAMES;
+  /** @type {Float32Array[]} */
+  let lately = [];
+
+  /** @param {Float32Array} vector */
+  const count = (vector) => {
+    const isStill = lately.length === STILL_ECHOES && cosine(vector, lately[0]) > STILL;
+    lately = [...lately, vector.slice()].slice(-STILL_ECHOES);
+    const weight = isStill ? STILL_WEIGHT : 1;
+    counted += weight;
+    vector.forEach((value, d) => (sum[d] += weight * value));
+  };
+
+  /** @param {Float32Array} vector */
+  const own = (vector) => {
+    count(vector);
+    const rest = Float64Array.from(vector, (value, d) => value - sum[d] / counted);
+    const length = Math.max(Math.hypot(...rest), 1e-12);
+    return rest.map((value) => value / length);
+  };
+
+  return (vectors) => {
+    const normalised = new Float32Array(vectors.length);
+    for (let at = 0; at < vectors.length; at += ELF_SIZE) normalised.set(own(vectors.subarray(at, at + ELF_SIZE)), at);
+    return normalised;
+  };
+}
+
+/** @param {Float32Array} a @param {Float32Array} b unit vectors */
+function cosine(a, b) {
+  return a.reduce((total, value, d) => total + value * b[d], 0);
 }

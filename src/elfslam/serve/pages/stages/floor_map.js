@@ -15,7 +15,7 @@ export const ELF_SIZE = 128;
  *   echo: import("./echo_arrivals.js").EchoParameters,
  *   locate: import("./locate.js").LocateParameters,
  *   medium_access: import("./medium_access.js").MediumAccessParameters,
- *   motion: import("./motion/types.js").MotionParameters,
+ *   motion: import("./motion/filters.js").MotionParameters,
  *   spoofing: import("./spoofing.js").SpoofingParameters,
  *   track: import("./track.js").TrackParameters,
  * }} MapParameters

@@ -12,9 +12,9 @@ const ENCODER = new URL("../../stages/encoder.onnx", import.meta.url);
  * What the server's line is set to, as far as drawing a walk needs it.
  * @typedef {{
  *   chirp: import("../../stages/chirp.js").ChirpParameters,
- *   echo: import("../../stages/echo.js").EchoParameters, motion: import("../../stages/motion/types.js").MotionParameters,
+ *   echo: import("../../stages/echo.js").EchoParameters, motion: import("../../stages/motion/filters.js").MotionParameters,
  *   locate: {fewest_echoes: number}, medium_access: import("../../stages/medium_access.js").MediumAccessParameters,
- *   closure: import("../../stages/growing_closures.js").ClosureParameters,
+ *   closure: import("../../stages/growing_graph.js").ClosureParameters,
  * }} GrowingParameters
  * @typedef {import("../devices.js").Devices} Devices
  * @typedef {{slot: number, start: number, played: number | null, gainDb: number}} Slot frames of the clock

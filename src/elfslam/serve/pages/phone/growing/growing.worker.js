@@ -9,7 +9,7 @@ import { openEncoder } from "../../stages/encoder.js";
 import { makeFootsteps } from "../../stages/motion/live.js";
 import { makeMemory } from "../locating/memory.js";
 import { delayMotion } from "../locating/motion_delay.js";
-import { hearOthers } from "../locating/others.js";
+import { hearOthers } from "../../stages/spoiled.js";
 import { makePlacer } from "../locating/placer.js";
 import { drawBySteps, makeSketch } from "./sketch.js";
 
@@ -30,7 +30,7 @@ const orders = {
   leg,
   /** @param {{readings: import("../locating/motion_delay.js").Reading[]}} order */
   motion: ({ readings }) => motion.push(readings),
-  /** @param {{slot: import("../locating/others.js").Slot & {gainDb: number}}} order */
+  /** @param {{slot: import("../../stages/spoiled.js").Slot & {gainDb: number}}} order */
   slot({ slot }) {
     others.add(slot);
     if (slot.playedS !== null) cutter.played(slot.playedS, slot.gainDb);

@@ -10,11 +10,11 @@ import { checkedMap } from "../../stages/floor_map.js";
 import { makeFootsteps } from "../../stages/motion/live.js";
 import { makeTracker } from "../../stages/track.js";
 import { makeSpoofingCheck } from "../../stages/spoofing.js";
-import { makeRandom } from "../../stages/tracking/random.js";
+import { makeRandom } from "../../stages/particles.js";
 import { decideBySteps, decideByWindows } from "./deciding.js";
 import { makeMemory } from "./memory.js";
 import { delayMotion } from "./motion_delay.js";
-import { hearOthers } from "./others.js";
+import { hearOthers } from "../../stages/spoiled.js";
 import { makePlacer } from "./placer.js";
 
 /** Of the tracker's draws. */
@@ -38,7 +38,7 @@ const orders = {
   open: openMap,
   /** @param {{readings: import("./motion_delay.js").Reading[]}} order */
   motion: ({ readings }) => motion.push(readings),
-  /** @param {{slot: import("./others.js").Slot & {gainDb: number}}} order */
+  /** @param {{slot: import("../../stages/spoiled.js").Slot & {gainDb: number}}} order */
   slot({ slot }) {
     others.add(slot);
     if (slot.playedS === null) return;

@@ -1,6 +1,6 @@
 /** Where the phone is, as sound and motion come in. Only the encoder takes its time; nothing else waits. */
 
-import { makeCentring } from "../../stages/centring.js";
+import { makeMeanNormalisation } from "../../stages/encoder.js";
 
 /** So long a fix waits for echoes: a cutter that has to find the chirps anew gives them late. */
 const PATIENCE_S = 1.5;
@@ -29,7 +29,7 @@ export function makePlacer({ rateHz, cutter, clean = same, listener, spoofing, m
   let waiting = [];
   let heardS = 0;
   let echoedS = -Infinity;
-  const centred = makeCentring();
+  const normalised = makeMeanNormalisation();
   let working = Promise.resolve();
   let isWorking = false;
 
@@ -38,7 +38,7 @@ export function makePlacer({ rateHz, cutter, clean = same, listener, spoofing, m
     waiting = waiting.slice(echoes.length);
     const samples = new Float32Array(echoes.length * TRACE);
     echoes.forEach((echo, k) => samples.set(echo.samples, k * TRACE));
-    const vectors = centred(await listener.embed(samples, echoes.length));
+    const vectors = normalised(await listener.embed(samples, echoes.length));
     memory.add(echoes.map(({ tS }) => tS), vectors);
     echoedS = echoes[echoes.length - 1].tS;
   };
