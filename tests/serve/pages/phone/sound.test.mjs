@@ -6,8 +6,7 @@ import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
 import { RULES } from "../../../../src/elfslam/serve/pages/phone/arrivals.js";
-import { makeBaseband, scaleOf, toInt16 } from "../../../../src/elfslam/serve/pages/phone/baseband.js";
-import { makeBandFilter } from "../../../../src/elfslam/serve/pages/phone/band_filter.js";
+import { makeBandFilter, makeBaseband, scaleOf, toInt16 } from "../../../../src/elfslam/serve/pages/phone/baseband.js";
 import { CHIRP, excitationOf, periodSamples } from "../../../../src/elfslam/serve/pages/stages/chirp.js";
 import {
   analyticSignal, complexZeros, earliest, fourierOf, makeMatchedFilter, median,
@@ -15,7 +14,7 @@ import {
 import { makeFramer } from "../../../../src/elfslam/serve/pages/phone/framer.js";
 import { makeHearing } from "../../../../src/elfslam/serve/pages/stages/hearing.js";
 import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/stages/medium_access.js";
-import { bestOf } from "../../../../src/elfslam/serve/pages/phone/microphones.js";
+import { bestOf } from "../../../../src/elfslam/serve/pages/phone/microphone.js";
 import { measure } from "../../../../src/elfslam/serve/pages/phone/probe.js";
 import { makeStream } from "../../../../src/elfslam/serve/pages/stages/resample.js";
 

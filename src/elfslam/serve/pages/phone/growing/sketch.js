@@ -118,7 +118,7 @@ export function nextStretch(count, loops) {
 
 /**
  * As `decide` of a walker on a map, with a sketch in place of fixes.
- * @param {{sketch: ReturnType<typeof makeSketch>, memory: ReturnType<typeof import("../locating/memory.js").makeMemory>,
+ * @param {{sketch: ReturnType<typeof makeSketch>, memory: ReturnType<typeof import("../../stages/pipeline.js").makeMemory>,
  *   footsteps: {take: (nowS: number) => Step[]}}} given
  * @returns {{decide: (untilS: number) => Sketch[]}} one where footsteps have come, else none
  */

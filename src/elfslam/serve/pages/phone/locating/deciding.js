@@ -28,7 +28,7 @@ const LOOK_EVERY_S = 0.2;
 /**
  * A fix at each footstep.
  * @param {{
- *   floorMap: import("../../stages/floor_map.js").FloorMap, memory: ReturnType<typeof import("./memory.js").makeMemory>,
+ *   floorMap: import("../../stages/floor_map.js").FloorMap, memory: ReturnType<typeof import("../../stages/pipeline.js").makeMemory>,
  *   footsteps: {take: (nowS: number) => Step[]},
  *   tracker: ReturnType<typeof import("../../stages/track.js").makeTracker>,
  *   spoofing?: SpoofingCheck,
@@ -69,7 +69,7 @@ export function stepsUntil(footsteps) {
 /**
  * A fix for every window of sound, one after the other, from the first echo on.
  * @param {{floorMap: import("../../stages/floor_map.js").FloorMap,
- *   memory: ReturnType<typeof import("./memory.js").makeMemory>, spoofing?: SpoofingCheck}} given
+ *   memory: ReturnType<typeof import("../../stages/pipeline.js").makeMemory>, spoofing?: SpoofingCheck}} given
  * @returns {Deciding}
  */
 export function decideByWindows({ floorMap, memory, spoofing = UNCHECKED }) {

@@ -15,25 +15,25 @@
  *   names: (walk: string) => Promise<string[]>,
  *   open: (walk: string, name: string) => Promise<Kept>,
  *   remove: (walk: string) => Promise<void>,
- * }} Shelf
+ * }} ByteStore
  */
 
 const FOLDER = "walks";
 
-/** @returns {Promise<Shelf | null>} null where the browser has no such file system */
-export async function openFileShelf() {
+/** @returns {Promise<ByteStore | null>} null where the browser has no such file system */
+export async function openOpfsStore() {
   const hasHandles = "createSyncAccessHandle" in (self.FileSystemFileHandle?.prototype ?? {});
   if (!hasHandles) return null;
   try {
     const root = await navigator.storage.getDirectory();
-    return shelfIn(await root.getDirectoryHandle(FOLDER, { create: true }));
+    return storeIn(await root.getDirectoryHandle(FOLDER, { create: true }));
   } catch {
     return null; // private windows of some browsers have the functions and refuse them
   }
 }
 
-/** @param {FileSystemDirectoryHandle} folder @returns {Shelf} */
-function shelfIn(folder) {
+/** @param {FileSystemDirectoryHandle} folder @returns {ByteStore} */
+function storeIn(folder) {
   return {
     walks: () => keysOf(folder),
     names: async (walk) => keysOf(await folder.getDirectoryHandle(walk)),

@@ -1,15 +1,15 @@
-/** The legs of a walk: recorded, paused by whatever takes the sound or the page away, gone on with, ended. */
+/** The segments of a walk: recorded, paused by whatever takes the sound or the page away, gone on with, ended. */
 
 /** After so long a pause nobody knows any more where the walker is: the walk is sent as it is. */
 const MOST_PAUSE_S = 600;
-/** A leg begins so much later than what was kept before it, at the least. */
+/** A segment begins so much later than what was kept before it, at the least. */
 const LEAST_PAUSE_S = 1;
 
 /**
  * @typedef {import("./manifest.js").Walk} Walk
- * @typedef {import("./walking.js").Leg} Leg
+ * @typedef {import("./walking.js").Segment} Segment
  * @typedef {{isGoing: () => boolean, goOn: () => Promise<void>, pause: () => Promise<void>,
- *   flush: () => Promise<void>, mark: (marked: import("./walking.js").Marked) => void, end: () => Promise<void>}} Legs
+ *   flush: () => Promise<void>, mark: (marked: import("./walking.js").Marked) => void, end: () => Promise<void>}} Segments
  *   each takes its turn: two events at once do no harm
  */
 
@@ -25,13 +25,13 @@ export function mayGoOn(state, nowMs) {
 
 /**
  * @param {Walk} state
- * @param {{begin: (fromS: number) => Promise<Leg>, close: () => Promise<void>, nowMs: () => number}} given begin:
+ * @param {{begin: (fromS: number) => Promise<Segment>, close: () => Promise<void>, nowMs: () => number}} given begin:
  *   records from that time of the walk on; close: nothing more is added
- * @returns {Legs}
+ * @returns {Segments}
  */
-export function makeLegs(state, { begin, close, nowMs }) {
-  /** @type {Leg | null} */
-  let leg = null;
+export function makeSegments(state, { begin, close, nowMs }) {
+  /** @type {Segment | null} */
+  let segment = null;
   let isBegun = false;
   let isOver = false;
   /** @type {Promise<unknown>} */
@@ -44,17 +44,17 @@ export function makeLegs(state, { begin, close, nowMs }) {
   };
 
   const goOn = async () => {
-    if (leg || isOver) return;
+    if (segment || isOver) return;
     const keptS = state.facts.seconds;
     const fromS = isBegun || keptS > 0 ? goesOnAt(state, nowMs()) : 0;
-    leg = await begin(fromS);
+    segment = await begin(fromS);
     isBegun = true;
     if (fromS > 0) state.facts.gaps.push({ t_s: keptS, lost_s: fromS - keptS });
   };
 
   const pause = async () => {
-    const paused = leg;
-    leg = null;
+    const paused = segment;
+    segment = null;
     await paused?.pause();
   };
 
@@ -66,11 +66,11 @@ export function makeLegs(state, { begin, close, nowMs }) {
   };
 
   return {
-    isGoing: () => leg !== null,
+    isGoing: () => segment !== null,
     goOn: () => inTurn(goOn),
     pause: () => inTurn(pause),
-    flush: async () => leg?.flush(),
-    mark: (marked) => leg?.mark(marked),
+    flush: async () => segment?.flush(),
+    mark: (marked) => segment?.mark(marked),
     end: () => inTurn(end),
   };
 }

@@ -1,4 +1,4 @@
-/** The page's side of the keeper: orders as promises, and news of what has been kept. */
+/** The page's side of the storage: orders as promises, and news of what has been kept. */
 
 import { t, translated } from "../shared/words.js";
 
@@ -10,7 +10,7 @@ import { t, translated } from "../shared/words.js";
  *   port: () => MessagePort,
  *   onKept: (heard: (news: {walk: string, sizes: Record<string, number>}) => void) => void,
  *   onProblem: (heard: (problem: KeepingProblem) => void) => void,
- * }} Keeper
+ * }} StorageClient
  * @typedef {{id: number, result?: unknown, problem?: Failure}} Answer
  * @typedef {{resolve: (result: unknown) => void, reject: (error: Error) => void}} Waiting
  */
@@ -20,14 +20,14 @@ function inWords({ isFull, said, why }) {
   return { isFull, said: said ? translated(said) : t("The browser cannot keep the walk ({{why}}).", { why }) };
 }
 
-/** @returns {Keeper} */
-export function startKeeper() {
-  const worker = new Worker(new URL("./keeper.worker.js", import.meta.url), { type: "module" });
+/** @returns {StorageClient} */
+export function startStorage() {
+  const worker = new Worker(new URL("./storage.worker.js", import.meta.url), { type: "module" });
   /** @type {Map<number, Waiting>} */
   const waiting = new Map();
-  /** @type {Parameters<Keeper["onKept"]>[0][]} */
+  /** @type {Parameters<StorageClient["onKept"]>[0][]} */
   const keptListeners = [];
-  /** @type {Parameters<Keeper["onProblem"]>[0][]} */
+  /** @type {Parameters<StorageClient["onProblem"]>[0][]} */
   const problemListeners = [];
   let count = 0;
 
@@ -50,7 +50,7 @@ export function startKeeper() {
     if (data.is === "problem") problemListeners.forEach((heard) => heard(inWords(data.problem)));
   };
 
-  /** @type {Keeper["ask"]} */
+  /** @type {StorageClient["ask"]} */
   const ask = (order) =>
     new Promise((resolve, reject) => {
       count += 1;

@@ -1,32 +1,32 @@
 /**
- * The keeper of bytes: everything that is recorded comes here first, and is kept until the server has it.
+ * The storage of bytes: everything that is recorded comes here first, and is kept until the server has it.
  * Orders come from the page and from the sound's worker, and are carried out one after the other.
  */
 
-import { openDatabaseShelf } from "./shelf_database.js";
-import { openFileShelf } from "./shelf_files.js";
 import { marked } from "../shared/marked.js";
+import { openIdbStore } from "./idb_store.js";
+import { openOpfsStore } from "./opfs_store.js";
 
 const STATE = "walk.json";
 
 /**
- * @typedef {import("./shelf_files.js").Kept} Kept
+ * @typedef {import("./opfs_store.js").Kept} Kept
  * @typedef {import("./manifest.js").Walk} Walk
  * @typedef {{walk: string, name: string, parts: [name: string, bytes: Uint8Array][], state: Walk, reserve: number,
  *   start: number, end: number, size: number}} Given what orders are about; each looks at what it needs
  * @typedef {{do: keyof typeof orders, id: number} & Given} Order
- * @typedef {import("./keeper.js").Answer} Answer
+ * @typedef {import("./storage_client.js").Answer} Answer
  */
 
-/** @type {Promise<import("./shelf_files.js").Shelf>} */
-const shelf = openFileShelf().then((found) => found ?? openDatabaseShelf());
+/** @type {Promise<import("./opfs_store.js").ByteStore>} */
+const store = openOpfsStore().then((found) => found ?? openIdbStore());
 /** @type {Map<string, Kept>} by walk and name */
 const open = new Map();
 
 /** @param {string} walk @param {string} name */
 async function kept(walk, name) {
   const key = `${walk}/${name}`;
-  const file = open.get(key) ?? (await (await shelf).open(walk, name));
+  const file = open.get(key) ?? (await (await store).open(walk, name));
   open.set(key, file);
   return file;
 }
@@ -59,8 +59,8 @@ async function append({ walk, parts }) {
 /** What is known of each walk: its state, and the sizes of its files. */
 async function list() {
   const walks = [];
-  for (const walk of await (await shelf).walks()) {
-    const names = (await (await shelf).names(walk)).filter((name) => name !== STATE);
+  for (const walk of await (await store).walks()) {
+    const names = (await (await store).names(walk)).filter((name) => name !== STATE);
     /** @type {Record<string, number>} */
     const sizes = {};
     for (const name of names) sizes[name] = (await kept(walk, name)).size;
@@ -85,7 +85,7 @@ async function remove({ walk }) {
     file.close();
     open.delete(key);
   }
-  await (await shelf).remove(walk);
+  await (await store).remove(walk);
 }
 
 const orders = {
@@ -120,7 +120,7 @@ function carryOut(order, answer) {
   });
 }
 
-/** @param {Error | null | undefined} error @returns {import("./keeper.js").Failure} */
+/** @param {Error | null | undefined} error @returns {import("./storage_client.js").Failure} */
 function describe(error) {
   const isFull = error?.name === "QuotaExceededError";
   if (isFull) return { isFull, said: marked("This phone has no room left."), why: "" };

@@ -3,7 +3,9 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { fresh, newWalk, startTelling, toldOf, withLatest } from "../../../../src/elfslam/serve/pages/phone/locating/telling.js";
+import {
+  fresh, newWalk, startPublishing, toldOf, withLatest,
+} from "../../../../src/elfslam/serve/pages/phone/locating/position_publisher.js";
 
 const fixAt = (tS, more = {}) => ({ tS, xyM: [1, 2], headingRad: 0.5, covarianceM2: [0.04, 0.01, 0.12], score: 1, status: "OK", ...more });
 const times = (fixes) => fixes.map(({ tS }) => tS);
@@ -37,7 +39,7 @@ test("every walk has a name of its own", () => {
 function telling(mock) {
   mock.timers.enable({ apis: ["setInterval"] });
   const world = { nowS: 0, sent: [], troubles: [], answers: [] };
-  const told = startTelling({
+  const told = startPublishing({
     map: "m",
     nowS: () => world.nowS,
     send: (message, more) => {

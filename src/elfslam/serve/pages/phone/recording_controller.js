@@ -2,16 +2,14 @@
 
 import { Problem } from "../shared/api.js";
 import { formatDuration } from "../shared/format.js";
-import { makeChirpWatch } from "./chirp_watch.js";
-import { startSending } from "./finishing.js";
-import { startGrowing } from "./growing/growing.js";
-import { showMarks, showNoSketch } from "./growing/growing_view.js";
-import { openTapping } from "./growing/tapping.js";
-import { makeLegs } from "./legs.js";
-import { closeWalk, startWalking } from "./walking.js";
-import { stayAwake } from "./wake.js";
-import { at, showChirps, showFacts, showLevel, showNetwork, showPause, totalBytes } from "./view.js";
 import { locale, t } from "../shared/words.js";
+import { stayAwake } from "./devices.js";
+import { startSending } from "./finishing.js";
+import { showMarks, showNoSketch, startGrowing } from "./growing/growing.js";
+import { openTapping } from "./growing/tapping.js";
+import { makeSegments } from "./segments.js";
+import { at, showChirps, showFacts, showLevel, showNetwork, showPause, totalBytes } from "./view.js";
+import { closeWalk, startWalking } from "./walking.js";
 
 const SHOW_EVERY_MS = 500;
 /** A page whose timers stood still for so long was asleep. */
@@ -21,7 +19,7 @@ const ASLEEP_MS = 2500;
  * @typedef {import("./sending.js").Sent} Sent
  * @typedef {ReturnType<typeof startSending>} Sending
  * @typedef {{
- *   keeper: import("./keeper.js").Keeper, software: () => string,
+ *   storage: import("./storage_client.js").StorageClient, software: () => string,
  *   mediumAccess: () => import("../stages/medium_access.js").MediumAccessParameters,
  *   devices: () => Promise<import("./devices.js").Devices>, latencyS: () => number | null,
  *   finish: (sent: Sent, sending: Sending) => Promise<void>,
@@ -30,10 +28,10 @@ const ASLEEP_MS = 2500;
  */
 
 /** @param {Given} given */
-export function makeOnTheWay(given) {
-  const { keeper, finish } = given;
+export function makeRecordingController(given) {
+  const { storage, finish } = given;
   /**
-   * @type {{sent: Sent, legs: import("./legs.js").Legs, sending: Sending, growing: ReturnType<typeof startGrowing>,
+   * @type {{sent: Sent, segments: import("./segments.js").Segments, sending: Sending, growing: ReturnType<typeof startGrowing>,
    *   leave: () => void} | null}
    */
   let now = null;
@@ -41,9 +39,9 @@ export function makeOnTheWay(given) {
   let tapping = null;
 
   /** @param {Sent} sent @param {ReturnType<typeof startGrowing>} growing */
-  const legsOf = (sent, growing) => makeLegs(sent.state, {
+  const segmentsOf = (sent, growing) => makeSegments(sent.state, {
     begin: (fromS) => beginLeg(given, sent, growing, fromS),
-    close: () => closeWalk(sent, keeper, given.software()),
+    close: () => closeWalk(sent, storage, given.software()),
     nowMs: () => Date.now(),
   });
 
@@ -51,14 +49,14 @@ export function makeOnTheWay(given) {
   async function start(sent) {
     showNoSketch();
     const growing = startGrowing();
-    const legs = legsOf(sent, growing);
+    const segments = segmentsOf(sent, growing);
     showPause(null);
-    await legs.goOn().catch((error) => {
+    await segments.goOn().catch((error) => {
       growing.leave();
       throw error;
     });
-    const sending = startSending(sent, keeper);
-    now = { sent, legs, sending, growing, leave: watchWalk(sent, sending, legs) };
+    const sending = startSending(sent, storage);
+    now = { sent, segments, sending, growing, leave: watchWalk(sent, sending, segments) };
     showMarks(sent.state.marks ?? [], again);
     tapping = await openTapping(sent.state, given.act).catch(() => null); // a walk needs no plan
   }
@@ -68,45 +66,45 @@ export function makeOnTheWay(given) {
 
   /** The walker stands at a place that has a name, for the first time or again. @param {string} name */
   function mark(name) {
-    if (!now?.legs.isGoing()) throw new Problem(t("Nothing is recorded at this moment. Go on walking, then mark the place."), 0);
-    const { sent: { state }, legs, growing } = now;
+    if (!now?.segments.isGoing()) throw new Problem(t("Nothing is recorded at this moment. Go on walking, then mark the place."), 0);
+    const { sent: { state }, segments, growing } = now;
     const pageMs = performance.now();
     state.marks = [...new Set([...(state.marks ?? []), name])];
     tapping?.keep(name);
-    legs.mark({ name, pageMs, xyM: state.taps?.[name] ?? null });
+    segments.mark({ name, pageMs, xyM: state.taps?.[name] ?? null });
     growing.mark(name, pageMs);
     showMarks(state.marks, again);
   }
 
   /** Nothing is recorded from now on, and the page says so at once. @param {string} why */
   async function interrupt(why) {
-    if (!now?.legs.isGoing()) return;
+    if (!now?.segments.isGoing()) return;
     showPause(`${why} ${t("Nothing is recorded until the walk goes on; what was recorded is kept.")}`, true);
-    await now.legs.pause();
+    await now.segments.pause();
   }
 
   async function goOn() {
     if (!now) return;
-    await now.legs.goOn();
+    await now.segments.goOn();
     showPause(null);
   }
 
   /** Where nothing was tapped nothing is said when it does not work: the button is still there. */
   async function goOnIfPossible() {
-    if (now && !now.legs.isGoing()) await goOn().catch(() => {});
+    if (now && !now.segments.isGoing()) await goOn().catch(() => {});
   }
 
   /** The microphone hears nothing, and motion goes on. @param {boolean} isSilent */
   function silent(isSilent) {
-    if (!now?.legs.isGoing()) return;
+    if (!now?.segments.isGoing()) return;
     showPause(isSilent ? t("The microphone is silent, as in a call. The walk goes on by its steps until it hears again.") : null);
   }
 
   async function end() {
     if (!now) return;
-    const { sent, legs, sending, growing, leave } = now;
+    const { sent, segments, sending, growing, leave } = now;
     now = null;
-    await legs.end();
+    await segments.end();
     leave();
     tapping?.leave();
     tapping = null;
@@ -117,7 +115,7 @@ export function makeOnTheWay(given) {
   return {
     start, interrupt, goOn, goOnIfPossible, silent, mark, end,
     isOn: () => now !== null,
-    isPaused: () => now !== null && !now.legs.isGoing(),
+    isPaused: () => now !== null && !now.segments.isGoing(),
   };
 }
 
@@ -134,9 +132,9 @@ async function beginLeg(given, sent, growing, fromS) {
   const mediumAccess = given.mediumAccess();
   const chirps = makeChirpWatch(() => microphone.track.getSettings(), navigator.userAgent);
   showChirps(null);
-  const drawn = growing.leg(devices);
-  const leg = await startWalking({
-    microphone, sound, clocks, mediumAccess, sent, fromS, keeper: given.keeper,
+  const drawn = growing.segment(devices);
+  const segment = await startWalking({
+    microphone, sound, clocks, mediumAccess, sent, fromS, storage: given.storage,
     heard: (peak, isFound) => {
       showLevel(peak, isFound);
       showChirps(chirps(peak, isFound));
@@ -150,19 +148,19 @@ async function beginLeg(given, sent, growing, fromS) {
     drawn.end();
     throw error;
   });
-  return { ...leg, pause: () => leg.pause().finally(drawn.end) };
+  return { ...segment, pause: () => segment.pause().finally(drawn.end) };
 }
 
 /**
  * Shows a walk as it goes, and says when the page was asleep. Gives what ends that.
- * @param {Sent} sent @param {Sending} sending @param {import("./legs.js").Legs} legs
+ * @param {Sent} sent @param {Sending} sending @param {import("./segments.js").Segments} segments
  */
-function watchWalk(sent, sending, legs) {
+function watchWalk(sent, sending, segments) {
   const awake = stayAwake(at("awake"));
   let shownMs = performance.now();
   const show = () => {
     const nowMs = performance.now();
-    if (nowMs - shownMs > ASLEEP_MS && legs.isGoing()) sayAsleep((nowMs - shownMs) / 1000);
+    if (nowMs - shownMs > ASLEEP_MS && segments.isGoing()) sayAsleep((nowMs - shownMs) / 1000);
     shownMs = nowMs;
     showFacts(sent.state.facts, totalBytes(sent.sizes), totalBytes(sending.progress.sent));
     showNetwork(sending.progress.trouble, sent.state.recording !== null);
@@ -171,8 +169,8 @@ function watchWalk(sent, sending, legs) {
   const turned = () => {
     if (document.hidden) {
       hiddenMs = performance.now();
-      legs.flush().catch(() => {});
-    } else if (legs.isGoing() && performance.now() - hiddenMs > ASLEEP_MS) {
+      segments.flush().catch(() => {});
+    } else if (segments.isGoing() && performance.now() - hiddenMs > ASLEEP_MS) {
       sayAsleep((performance.now() - hiddenMs) / 1000);
     }
   };
@@ -191,4 +189,60 @@ function watchWalk(sent, sending, legs) {
 /** @param {number} seconds */
 function sayAsleep(seconds) {
   showPause(t("This page was asleep for {{time}}: steps are missing there. The walk goes on.", { time: formatDuration(seconds) }));
+}
+
+// What is wrong with the chirps while a walk is recorded, and what to do about it on this phone. Pure.
+
+/** Two seconds of chirps are judged together: one that is lost says nothing. */
+const WINDOW = 20;
+const HEARD_SHARE = 0.5;
+/** Of full scale, as the check before the walk has them. */
+const SOFT = 0.004;
+const HARDLY = 0.0005;
+/** A quarter of what it was at its best: the phone has begun to work on the sound, or something covers it. */
+const FADED = 0.25;
+/** Settings of the microphone that must be off, as far as browsers may switch them on by themselves. */
+const DISTORTIONS = ["echoCancellation", "noiseSuppression", "autoGainControl"];
+
+/**
+ * Judges each chirp with those before it; gives what to say, null where all is well or too little was heard yet.
+ * @param {() => MediaTrackSettings} settings of the microphone at this moment
+ * @param {string} userAgent
+ * @returns {(peak: number, isFound: boolean) => string | null}
+ */
+export function makeChirpWatch(settings, userAgent) {
+  /** @type {{peak: number, isFound: boolean}[]} */
+  let recent = [];
+  let best = 0;
+  return (peak, isFound) => {
+    recent = [...recent, { peak, isFound }].slice(-WINDOW);
+    if (recent.length < WINDOW) return null;
+    const found = recent.filter((each) => each.isFound).map((each) => each.peak).sort((one, other) => one - other);
+    const level = found[found.length >> 1] ?? 0;
+    best = Math.max(best, level);
+    return wrongWith(settings()) ?? tooSoft(found.length / WINDOW, level, best, louderOn(userAgent));
+  };
+}
+
+/** @param {Record<string, any>} settings */
+function wrongWith(settings) {
+  const isOn = DISTORTIONS.some((key) => settings[key] === true || typeof settings[key] === "string");
+  return isOn ? t("The browser has begun to work on the sound, which wipes out the chirps. End a call that uses the microphone, or use another browser.") : null;
+}
+
+/** @param {number} heardShare @param {number} level @param {number} best @param {string} louder */
+function tooSoft(heardShare, level, best, louder) {
+  if (heardShare < HEARD_SHARE) return t("The chirps are not heard. {{louder}} Uncover loudspeaker and microphone.", { louder });
+  if (level < HARDLY) return t("The chirps are hardly heard. {{louder}}", { louder });
+  if (level < FADED * best) {
+    return t("The chirps have become much softer. Uncover loudspeaker and microphone, and look at the volume. If that does not help, this browser takes them for noise: use another one.");
+  }
+  return level < SOFT ? t("The chirps are soft. {{louder}}", { louder }) : null;
+}
+
+/** How to turn chirps up on this phone. @param {string} userAgent */
+export function louderOn(userAgent) {
+  if (/iPhone|iPad|iPod/.test(userAgent)) return t("Press the volume button now, and switch the silent mode off.");
+  if (/Android/.test(userAgent)) return t("Press the volume button now, and turn up “media”.");
+  return t("Turn the volume up.");
 }

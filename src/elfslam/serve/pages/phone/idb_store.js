@@ -1,4 +1,4 @@
-/** The same shelf in IndexedDB, for browsers without a file system: files as runs of pieces. */
+/** The same store in IndexedDB, for browsers without a file system: files as runs of pieces. */
 
 const DATABASE = "elfslam";
 const PIECES = "pieces";
@@ -9,8 +9,8 @@ const PIECES = "pieces";
  * @typedef {{start: number, bytes: Uint8Array}} Piece
  */
 
-/** @returns {Promise<import("./shelf_files.js").Shelf>} */
-export async function openDatabaseShelf() {
+/** @returns {Promise<import("./opfs_store.js").ByteStore>} */
+export async function openIdbStore() {
   const opening = indexedDB.open(DATABASE, 1);
   opening.onupgradeneeded = () => opening.result.createObjectStore(PIECES);
   const database = await settled(opening);
@@ -31,14 +31,14 @@ const LONGEST_PIECE = 1 << 16;
 
 /**
  * @param {Store} store @param {string} walk @param {string} name @param {number} size
- * @returns {import("./shelf_files.js").Kept}
+ * @returns {import("./opfs_store.js").Kept}
  */
 function keptAs(store, walk, name, size) {
   /** @param {number} start */
   const within = (start) => IDBKeyRange.bound([walk, name, start], [walk, name, []]);
   /** @param {Uint8Array} bytes @param {number} start */
   const put = (bytes, start) => settled(store("readwrite").put(bytes.slice(), [walk, name, start]));
-  /** @type {import("./shelf_files.js").Kept} */
+  /** @type {import("./opfs_store.js").Kept} */
   const kept = {
     size,
     append: async (bytes) => {
