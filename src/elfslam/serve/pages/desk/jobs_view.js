@@ -4,11 +4,11 @@ import { requestJson } from "../shared/api.js";
 import { orSay } from "./dialogs.js";
 import { h } from "../shared/dom.js";
 import { missingWords, stageWords } from "../shared/job_words.js";
-import { matching, sorted } from "./finding.js";
+import {
+  cell, emptyPage, headOf, iconButton, matching, nothingFound, rowHead, sorted, stateCell, tableOf, toolbarOf,
+} from "./lists.js";
 import { formatAgo, formatDuration, formatShare, secondsBetween } from "../shared/format.js";
-import { cell, emptyPage, headOf, iconButton, rowHead, stateCell, tableOf } from "./parts.js";
 import { isOpen, jobTitle } from "./store.js";
-import { nothingFound, toolbarOf } from "./toolbar.js";
 import { counted, t, translated } from "../shared/words.js";
 
 /** @typedef {import("./store.js").Job} Job */

@@ -1,29 +1,25 @@
 // One map: the viewer, and beside it all that can be switched, placed, located and taken away.
 
 import { Problem, request, requestJson } from "../shared/api.js";
-import { askToLocate, askToMap } from "./asking.js";
-import { orSay, say } from "./dialogs.js";
-import { blankPage } from "./door.js";
 import { h, icon } from "../shared/dom.js";
+import { formatMetres, formatNumber, withoutMarks } from "../shared/format.js";
+import { stageWords } from "../shared/job_words.js";
 import { placeOf } from "../shared/places.js";
-import { downloadsOf } from "./downloads.js";
-import { formatMetres } from "../shared/format.js";
-import { livePart } from "./live_part.js";
-import { deleteMap, factsOf } from "./maps_view.js";
-import { meetingPart } from "./meeting.js";
+import { counted, t, translated } from "../shared/words.js";
+import { askToLocate, askToMap, orSay, say } from "./dialogs.js";
+import { deleteMap, downloadsOf, factsOf } from "./maps_view.js";
 import { programsPart } from "./other_programs.js";
-import { keptOf, recordedPart } from "./recorded.js";
-import { mountCanvas } from "./viewer/canvas.js";
 import { renameMap } from "./renaming.js";
-import { sharedWords, shareMap } from "./sharing.js";
-import { parseFixes } from "./viewer/fixes.js";
-import { legendOf } from "./viewer/legend.js";
-import { layerPart, locatedPart, part, walkPart } from "./viewer/panel.js";
+import { blankPage } from "./session.js";
+import { shareMap, sharedWords } from "./sharing.js";
+import { keptOf, recordedPart } from "./timeline.js";
+import { mountCanvas } from "./viewer/canvas.js";
+import { livePart } from "./viewer/live.js";
+import { layerPart, legendOf, locatedPart, part, walkPart } from "./viewer/panel.js";
 import { planOf, planType } from "./viewer/plan_panel.js";
 import { pointsOf } from "./viewer/points_part.js";
 import { sceneOf } from "./viewer/scene.js";
-import { firstState } from "./viewer/state.js";
-import { counted, t } from "../shared/words.js";
+import { firstState, parseFixes } from "./viewer/state.js";
 
 /** @typedef {import("./main.js").Desk} Desk */
 /** @typedef {import("./store.js").Map_} Map_ */
@@ -246,4 +242,24 @@ async function loadLocated(desk, id, seen, state, fillPanel) {
     });
   }
   if (jobs.length > 0) fillPanel();
+}
+
+// How the walks of a floor map fit together: which share places, and which were refused.
+
+/** @typedef {{one: string, other: string, places: number, resemblance: number | null, outcome: string}} Pair */
+
+/** Nothing for the map of a single walk. @param {import("./store.js").Map_} map @returns {any[]} */
+function meetingPart({ facts }) {
+  const pairs = /** @type {Pair[]} */ (Array.isArray(facts?.pairs) ? facts.pairs : []);
+  const refused = Object.entries(facts?.refused ?? {});
+  if (pairs.length === 0 && refused.length === 0) return [];
+  const names = [...new Set([...pairs.flatMap(({ one, other }) => [one, other]), ...refused.map(([name]) => name)])];
+  const shown = withoutMarks(names);
+  const head = [t("Walks"), t("Places"), t("Similarity"), t("Outcome")].map((name) => h("th", { scope: "col" }, name));
+  const rows = pairs.map(({ one, other, places, resemblance, outcome }) => h("tr", null,
+    h("th", { scope: "row" }, t("{{one}} and {{other}}", { one: String(shown.get(one)), other: String(shown.get(other)) })), h("td", null, String(places)),
+    h("td", null, Number.isFinite(resemblance) ? formatNumber(Number(resemblance), 2) : "–"), h("td", null, stageWords(outcome))));
+  return [part(t("How the walks fit together"), [
+    h("div", { class: "scroll" }, h("table", { class: "meetings", "aria-label": t("How the walks fit together") }, h("thead", null, h("tr", null, head)), h("tbody", null, rows))),
+    refused.map(([name, why]) => h("p", { class: "problem" }, `${shown.get(name)}: ${translated(why)}`))])];
 }

@@ -1,11 +1,11 @@
 // For other programs: where on the Earth a map lies, and the webhooks to which positions in it are posted.
 
 import { request, requestJson } from "../shared/api.js";
-import { addressField } from "./codes.js";
+import { addressField } from "./session.js";
 import { confirmDelete, orSay, showPerson } from "./dialogs.js";
 import { h, icon } from "../shared/dom.js";
 import { formatNumber } from "../shared/format.js";
-import { smallButton } from "./parts.js";
+import { smallButton } from "./lists.js";
 import { part } from "./viewer/panel.js";
 import { counted, t, translated } from "../shared/words.js";
 

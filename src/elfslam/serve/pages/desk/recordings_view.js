@@ -1,17 +1,17 @@
 // The recordings: what has come, what became of it.
 
 import { request, requestJson } from "../shared/api.js";
-import { askToLocate, askToMap } from "./asking.js";
-import { confirmDelete, orSay, say } from "./dialogs.js";
+import { askToLocate, askToMap, confirmDelete, orSay, say } from "./dialogs.js";
 import { h, icon } from "../shared/dom.js";
-import { chosenOf, matching, sorted } from "./finding.js";
+import {
+  cell, chooseCell, chosenOf, deleteChosen, emptyPage, headOf, iconButton, lengthCell, matching, nothingFound,
+  rowHead, sorted, stateCell, tableOf, toolbarOf,
+} from "./lists.js";
 import { fileName, formatAgo, formatBytes, formatDuration } from "../shared/format.js";
 import { stateOfJob } from "./jobs_view.js";
 import { ENDINGS } from "./uploads.js";
-import { cell, emptyPage, headOf, iconButton, lengthCell, rowHead, stateCell, tableOf } from "./parts.js";
 import { renameRecording } from "./renaming.js";
 import { isOpen, mappingOf } from "./store.js";
-import { chooseCell, deleteChosen, nothingFound, toolbarOf } from "./toolbar.js";
 import { counted, t, translated, woven } from "../shared/words.js";
 
 /** @typedef {import("./store.js").Known} Known */
@@ -35,7 +35,7 @@ export function recordingsView({ known, uploads, chosen, orders, nowMs }) {
     rows.length > 0 ? tableOf(t("Recordings"), COLUMNS, rows) : all > 0 ? nothingFound(order.find) : nothing(known));
 }
 
-/** @param {Recording[]} recordings @param {import("./finding.js").Order} order */
+/** @param {Recording[]} recordings @param {import("./lists.js").Order} order */
 function shownRecordings(recordings, { find, by }) {
   return sorted(matching(recordings, find, ({ name, device }) => [name, device]), by, ({ facts }) => facts?.duration_s);
 }

@@ -1,8 +1,7 @@
 // New names: of recordings, of maps and where they lie, of venues and floors, of oneself.
 
 import { requestJson } from "../shared/api.js";
-import { field } from "./asking.js";
-import { askPerson, orSay } from "./dialogs.js";
+import { askPerson, field, orSay } from "./dialogs.js";
 import { h } from "../shared/dom.js";
 import { byName, placeOf } from "../shared/places.js";
 import { t } from "../shared/words.js";

@@ -1,13 +1,12 @@
 // Sharing a map: with people of this server, with groups of them, and with everyone who has its link.
 
 import { request, requestJson } from "../shared/api.js";
-import { addressField, codeOf } from "./codes.js";
-import { askPerson, orSay, showPerson } from "./dialogs.js";
-import { askGroup, deleteGroup, loadGroups, sizeOf } from "./groups.js";
 import { h, icon } from "../shared/dom.js";
-import { smallButton } from "./parts.js";
 import { byName } from "../shared/places.js";
 import { counted, t } from "../shared/words.js";
+import { askPerson, confirmDelete, field, orSay, showPerson } from "./dialogs.js";
+import { smallButton } from "./lists.js";
+import { addressField, codeOf } from "./session.js";
 
 /** @typedef {import("./store.js").Map_} Map_ */
 /** @typedef {"" | "read" | "edit"} May */
@@ -84,7 +83,7 @@ function peoplePart(path, people, shares, save) {
 }
 
 /**
- * @param {string} path @param {import("./groups.js").Person[]} people @param {import("./groups.js").Group[]} groups
+ * @param {string} path @param {Person[]} people @param {Group[]} groups
  * @param {Shares} shares @param {(deed: () => Promise<unknown>) => Promise<boolean>} save
  */
 function groupPart(path, people, groups, shares, save) {
@@ -92,7 +91,7 @@ function groupPart(path, people, groups, shares, save) {
   const list = h("ul", { class: "people groups" });
   const known = new Map(groups.map((group) => [group.id, group]));
 
-  /** @param {import("./groups.js").Group} group */
+  /** @param {Group} group */
   function row(group) {
     const { id, name } = group;
     const address = `${path}/groups/${encodeURIComponent(id)}`;
@@ -111,7 +110,7 @@ function groupPart(path, people, groups, shares, save) {
     list.hidden = known.size === 0;
   }
 
-  /** @param {import("./groups.js").Group | null} group */
+  /** @param {Group | null} group */
   async function change(group) {
     const made = await askGroup(people, group);
     if (!made) return;
@@ -119,7 +118,7 @@ function groupPart(path, people, groups, shares, save) {
     show();
   }
 
-  /** @param {import("./groups.js").Group} group */
+  /** @param {Group} group */
   async function remove(group) {
     if (!(await deleteGroup(group))) return;
     known.delete(group.id);
@@ -168,4 +167,52 @@ export async function leaveMap({ id, name, owner }) {
     const me = await requestJson("/api/me");
     await request(`/api/maps/${encodeURIComponent(id)}/shares/${encodeURIComponent(me.id)}`, { method: "DELETE" });
   });
+}
+
+// Groups of people with whom maps are shared at once: a new one, who is in it, and its end.
+
+/** @typedef {{id: string, name: string}} Person */
+/** @typedef {{id: string, name: string, members: Person[]}} Group */
+
+const MOST_CHARACTERS = "120";
+
+/** @returns {Promise<Group[]>} */
+const loadGroups = () => requestJson("/api/groups");
+
+/** @param {Group} group */
+function sizeOf({ members }) {
+  return counted(members.length, "{{count}} person", "{{count}} people");
+}
+
+/** A group made or changed, once a person said how; null where nothing came of it.
+ * @param {Person[]} people of this server @param {Group | null} group a new one where it is null
+ * @returns {Promise<Group | null>} */
+async function askGroup(people, group) {
+  const inside = new Set(group?.members.map(({ id }) => id));
+  const tick = (/** @type {Person} */ { id, name }) => {
+    const input = h("input", { type: "checkbox", name: "member", value: id });
+    input.checked = inside.has(id);
+    return h("label", { class: "tick" }, input, h("span", null, name));
+  };
+  const answer = await askPerson({
+    title: group ? t("Change {{name}}", { name: group.name }) : t("New group"),
+    body: [field(t("Name"), { name: "name", value: group?.name ?? "", maxlength: MOST_CHARACTERS, required: true, autocomplete: "off" }),
+      h("fieldset", { class: "members" }, h("legend", null, t("Who is in it")), h("div", { class: "ticks" }, people.map(tick))),
+      h("small", null, t("They see what is shared with the group as long as they are in it. Its name is for you alone."))],
+    submit: t("Save"),
+  });
+  if (!answer) return null;
+  const json = { name: String(answer.get("name") ?? "").trim(), members: answer.getAll("member").map(String) };
+  /** @type {Group | null} */
+  let made = null;
+  await orSay(async () => {
+    made = await requestJson(group ? `/api/groups/${encodeURIComponent(group.id)}` : "/api/groups", { method: group ? "PUT" : "POST", json });
+  });
+  return made;
+}
+
+/** @param {Group} group @returns {Promise<boolean>} whether it is gone */
+async function deleteGroup({ id, name }) {
+  if (!(await confirmDelete(name, t("Those in it see what was shared with it no more.")))) return false;
+  return orSay(() => request(`/api/groups/${encodeURIComponent(id)}`, { method: "DELETE" }));
 }

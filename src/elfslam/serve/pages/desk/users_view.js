@@ -1,12 +1,11 @@
 // The people with a token: the owner lets them in and out.
 
 import { request, requestJson } from "../shared/api.js";
-import { field } from "./asking.js";
-import { invitation } from "./codes.js";
-import { askPerson, confirmDelete, orSay, showPerson } from "./dialogs.js";
+import { askPerson, confirmDelete, field, orSay, showPerson } from "./dialogs.js";
+import { invitation } from "./session.js";
 import { h, icon } from "../shared/dom.js";
 import { formatAgo } from "../shared/format.js";
-import { cell, headOf, iconButton, rowHead, tableOf } from "./parts.js";
+import { cell, headOf, iconButton, rowHead, tableOf } from "./lists.js";
 import { t } from "../shared/words.js";
 
 /** @typedef {{id: string, name: string, is_owner: boolean, created_utc: string}} User */

@@ -4,7 +4,7 @@ import { Problem, request, requestJson } from "../../shared/api.js";
 import { askPerson, confirmDelete, orSay, say } from "../dialogs.js";
 import { h, icon } from "../../shared/dom.js";
 import { part } from "./panel.js";
-import { tiePart } from "./tie_part.js";
+import { tiePart } from "./georeferencing.js";
 import { isNegative, loadPlanImage } from "../../shared/map/ground.js";
 import { firstPlacement, moved, rounded, turned, widened } from "../../shared/map/placement.js";
 import { t } from "../../shared/words.js";

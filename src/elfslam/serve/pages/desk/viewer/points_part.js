@@ -2,9 +2,8 @@
 // forgotten.
 
 import { Problem, requestJson } from "../../shared/api.js";
-import { field } from "../asking.js";
-import { askPerson, confirmDelete, orSay } from "../dialogs.js";
-import { smallButton } from "../parts.js";
+import { askPerson, confirmDelete, field, orSay } from "../dialogs.js";
+import { smallButton } from "../lists.js";
 import { h, icon } from "../../shared/dom.js";
 import { KIND_WORDS } from "../../shared/map/points_of_interest.js";
 import { byName } from "../../shared/places.js";

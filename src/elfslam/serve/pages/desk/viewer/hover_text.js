@@ -1,10 +1,9 @@
 // What is under the finger, in words. Pure.
 
 import { formatDuration, formatMetres, formatNumber } from "../../shared/format.js";
-import { STATUS_WORDS } from "./fixes.js";
-import { nearest } from "./nearest.js";
-import { cellAt, stepAt } from "./scene.js";
 import { counted, t } from "../../shared/words.js";
+import { cellAt, nearest, stepAt } from "./scene.js";
+import { STATUS_WORDS } from "./state.js";
 
 /** @typedef {import("../../shared/map/projection.js").Point} Point */
 /** @typedef {import("./scene.js").Scene} Scene */
