@@ -5,7 +5,7 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
-import { RULES } from "../../../../src/elfslam/serve/pages/phone/arrivals.js";
+import { PATIENCE } from "../../../../src/elfslam/serve/pages/phone/arrivals.js";
 import { makeBandFilter, makeBaseband, scaleOf, toInt16 } from "../../../../src/elfslam/serve/pages/phone/baseband.js";
 import { CHIRP, excitationOf, periodSamples } from "../../../../src/elfslam/serve/pages/stages/chirp.js";
 import {
@@ -13,7 +13,7 @@ import {
 } from "../../../../src/elfslam/serve/pages/stages/matched_filter.js";
 import { makeFramer } from "../../../../src/elfslam/serve/pages/phone/framer.js";
 import { makeHearing } from "../../../../src/elfslam/serve/pages/stages/hearing.js";
-import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/stages/medium_access.js";
+import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/stages/constants.js";
 import { bestOf } from "../../../../src/elfslam/serve/pages/phone/microphone.js";
 import { measure } from "../../../../src/elfslam/serve/pages/phone/probe.js";
 import { makeStream } from "../../../../src/elfslam/serve/pages/stages/resample.js";
@@ -192,7 +192,7 @@ test("chirps that become much softer are found again after a while", () => {
   quiet.forEach((value, k) => { sound[k] += 0.1 * value; });
   const frames = pushed(makeFramer(framing(rateHz, "baseband")), sound, 4096);
   const missed = frames.filter((frame) => !frame.arrival.isFound).length;
-  assert.equal(missed, RULES.patience);
+  assert.equal(missed, PATIENCE);
 });
 
 test("sound without chirps gives no frames", () => {

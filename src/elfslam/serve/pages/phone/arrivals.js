@@ -3,23 +3,13 @@
  * near where it is due; anywhere in the period where it is not; a jump is noted.
  */
 
+import { ECHO_PARAMETERS } from "../stages/constants.js";
 import { makeScheduleSearch } from "../stages/echo_schedule.js";
 import { earliest, makeEnvelope, median, strongest } from "../stages/matched_filter.js";
 import { makeStream } from "../stages/resample.js";
 
-export const RULES = {
-  /** Direct arrival over the median envelope, at the least. */
-  contrast: 8,
-  /** Direct arrival over its typical level, at the least. */
-  levelShare: 0.35,
-  /** An earlier peak this strong is the direct one. */
-  earlyShare: 0.5,
-  earlyS: 0.0015,
-  /** Jitter between frames. */
-  slackS: 0.002,
-  /** After so many frames without a chirp its typical level is learnt anew. */
-  patience: 10,
-};
+/** After so many frames without a chirp its typical level is learnt anew. */
+export const PATIENCE = 10;
 const REMEMBERED = 15;
 
 /**
@@ -51,25 +41,25 @@ export function wantedStretch(search, period, from) {
  * @returns {Step}
  */
 export function nextArrival(search, envelope, first, period, rateHz) {
-  const early = Math.round(RULES.earlyS * rateHz);
+  const early = Math.round(ECHO_PARAMETERS.early_s * rateHz);
   const level = leastLevel(search, envelope);
   if (search.due === null) return firstArrival(envelope, first, period, early, level);
-  const slack = Math.round(RULES.slackS * rateHz);
+  const slack = Math.round(ECHO_PARAMETERS.slack_s * rateHz);
   const due = search.due - first;
   let peak = strongest(envelope, due - slack, due + slack + 1);
   const isDue = envelope[peak] >= level;
   if (!isDue) peak = strongest(envelope);
   if (!(envelope[peak] >= level)) return missing(/** @type {Search & {due: number}} */ (search), period);
-  const direct = first + earliest(envelope, peak, early, RULES.earlyShare);
+  const direct = first + earliest(envelope, peak, early, ECHO_PARAMETERS.early_share);
   const jumped = isDue ? 0 : direct - search.due;
   return found(search, direct, jumped, envelope[peak], period);
 }
 
 /** @param {Search} search @param {Float32Array} envelope */
 function leastLevel(search, envelope) {
-  const isForgotten = search.peaks.length === 0 || search.missed >= RULES.patience;
-  if (isForgotten) return RULES.contrast * Math.max(median(envelope), 1e-9);
-  return RULES.levelShare * median(search.peaks);
+  const isForgotten = search.peaks.length === 0 || search.missed >= PATIENCE;
+  if (isForgotten) return ECHO_PARAMETERS.contrast * Math.max(median(envelope), 1e-9);
+  return ECHO_PARAMETERS.level_share * median(search.peaks);
 }
 
 /**
@@ -80,7 +70,7 @@ function leastLevel(search, envelope) {
 function firstArrival(envelope, first, period, early, level) {
   const peak = strongest(envelope);
   if (!(envelope[peak] >= level)) return { search: NOTHING_YET, arrival: null };
-  const direct = first + earliest(envelope, peak, early, RULES.earlyShare);
+  const direct = first + earliest(envelope, peak, early, ECHO_PARAMETERS.early_share);
   return found(NOTHING_YET, direct, 0, envelope[peak], period);
 }
 
@@ -90,7 +80,7 @@ function firstArrival(envelope, first, period, early, level) {
  * @returns {Step}
  */
 function found(search, sample, jumped, peak, period) {
-  const peaks = search.missed >= RULES.patience ? [] : search.peaks;
+  const peaks = search.missed >= PATIENCE ? [] : search.peaks;
   return {
     search: { due: sample + period, peaks: [...peaks, peak].slice(-REMEMBERED), missed: 0 },
     arrival: { sample, isFound: true, jumped, peak },
@@ -113,15 +103,6 @@ function missing(search, period) {
 
 /** Of the envelope so much is remembered for whoever listens to others. */
 const HEARD_S = 4;
-/** The rules by the names of elfslam.stages.echo. */
-const PARAMETERS = {
-  slack_s: RULES.slackS,
-  early_s: RULES.earlyS,
-  early_share: RULES.earlyShare,
-  level_share: RULES.levelShare,
-  contrast: RULES.contrast,
-  latest_s: 1,
-};
 
 /**
  * @typedef {Arrival & {played: number}} ScheduledArrival
@@ -146,7 +127,7 @@ export function makeScheduled({ rateHz, chirp, period, guess, origin = 0 }) {
   /** @param {number} sample */
   const played = (sample) => {
     if (search) search.played(sample);
-    else search = makeScheduleSearch(sample, period, PARAMETERS, { rateHz, guess });
+    else search = makeScheduleSearch(sample, period, ECHO_PARAMETERS, { rateHz, guess });
   };
 
   /** Chirps that were played before any was heard went somewhere else. @param {Scheduled} arrival */

@@ -6,13 +6,15 @@
  * at t = k / 6300 on the recording's own clock, in frames of 80 ms.
  */
 
-export const BASEBAND = { rateHz: 6300, centreHz: 17500, frameSamples: 504, leadS: 0.005 };
-/** Speech is taken down by 160 dB: far below what a microphone's own noise hides. */
-const KAISER_SHAPE = 14;
-const HALF_SUPPORT_S = 0.007;
+import { BASEBAND_FILTER, BASEBAND_FORMAT } from "../stages/constants.js";
+
+export const BASEBAND = {
+  rateHz: BASEBAND_FORMAT.rate_hz, centreHz: BASEBAND_FORMAT.centre_hz, frameSamples: BASEBAND_FORMAT.frame_samples,
+  leadS: BASEBAND_FORMAT.lead_s,
+};
+/** KAISER_SHAPE: speech is taken down by 160 dB, far below what a microphone's own noise hides; LEAST: silence has a scale too. */
+const { HALF_SUPPORT_S, KAISER_SHAPE, LEAST } = BASEBAND_FILTER;
 const LARGEST_INT16 = 32767;
-/** Silence has a scale too. */
-const LEAST = 1e-6;
 
 /**
  * @typedef {{

@@ -5,7 +5,7 @@
 
 import { Problem, ask, openSession, pairWith } from "../shared/api.js";
 import { languageChoice, t } from "../shared/words.js";
-import { MEDIUM_ACCESS } from "../stages/medium_access.js";
+import { MEDIUM_ACCESS } from "../stages/constants.js";
 import { CHIRP } from "../stages/chirp.js";
 import { TRIAL, openDevices, probeSound } from "./devices.js";
 import { hasLinks, openShared } from "./guest.js";

@@ -2,7 +2,7 @@
 
 import { Problem } from "../shared/api.js";
 import { t } from "../shared/words.js";
-import { ACCEPTED_RATES_HZ } from "../stages/chirp.js";
+import { ACCEPTED_RATES_HZ } from "../stages/constants.js";
 
 /** Plain false: `exact` makes some browsers refuse altogether. */
 const UNTOUCHED = {

@@ -1,7 +1,6 @@
 /** The excitation as elfslam.stages.chirp makes it, sample for sample, from a map's parameters. */
 
-/** 10 ms and 100 ms are whole samples at both. */
-export const ACCEPTED_RATES_HZ = [44100, 48000];
+import { ACCEPTED_RATES_HZ, CHIRP_PARAMETERS } from "./constants.js";
 
 /**
  * The group `chirp` of the parameters.
@@ -65,10 +64,10 @@ function fade(edgeS, fadeS) {
  */
 
 /** @type {Chirp} */
-export const CHIRP = { kind: "chirp", band_hz: [15000, 20000], duration_s: 0.01, period_s: 0.1 };
-
-/** Raised cosine at both ends, against clicks. */
-const FADE_S = 0.001;
+export const CHIRP = {
+  kind: CHIRP_PARAMETERS.kind, band_hz: [CHIRP_PARAMETERS.band_low_hz, CHIRP_PARAMETERS.band_high_hz],
+  duration_s: CHIRP_PARAMETERS.duration_s, period_s: CHIRP_PARAMETERS.period_s,
+};
 
 /**
  * One excitation with a peak of 1.
@@ -77,7 +76,7 @@ const FADE_S = 0.001;
  * @returns {Float32Array<ArrayBuffer>}
  */
 export function excitationOf({ band_hz: [lowHz, highHz], ...told }, rateHz) {
-  return makeChirp({ fade_s: FADE_S, ...told, band_low_hz: lowHz, band_high_hz: highHz }, rateHz);
+  return makeChirp({ fade_s: CHIRP_PARAMETERS.fade_s, ...told, band_low_hz: lowHz, band_high_hz: highHz }, rateHz);
 }
 
 /** @param {Chirp} chirp @param {number} rateHz @returns {number} samples from one chirp to the next */

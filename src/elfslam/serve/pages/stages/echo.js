@@ -1,13 +1,11 @@
 /** Echo cutting as elfslam.stages.echo does it, while the sound comes in. */
 
+import { DISCARDED_SAMPLES, ECHO_RATE_HZ, ECHO_SAMPLES, FACTS } from "./constants.js";
 import { makePeriodSearch } from "./echo_arrivals.js";
 import { makeScheduleSearch } from "./echo_schedule.js";
-import { ECHO_SAMPLES } from "./encoder.js";
 import { atEchoRate, makeEnvelope } from "./matched_filter.js";
-import { ECHO_RATE_HZ, makeResampler, makeStream } from "./resample.js";
+import { makeResampler, makeStream } from "./resample.js";
 
-/** 10 ms of direct path and 1 ms of reflection off the holder's body, at 44.1 kHz. */
-const DISCARDED_SAMPLES = 485;
 /** Sound that is remembered at the most, whatever is still waited for. */
 const REMEMBERED = 10 * ECHO_RATE_HZ;
 /** Of the envelope so much is there for whoever listens to others, which waits for the own chirps. */
@@ -189,11 +187,8 @@ function makeInput(rateHz) {
 
 // What else was heard around each chirp, as elfslam.stages.echo's frame_facts says it.
 
-/** From how long before a direct arrival to how long before it nothing should be heard. */
-const QUIET = [Math.round(0.02 * ECHO_RATE_HZ), Math.round(0.002 * ECHO_RATE_HZ)];
-/** Behind a direct arrival its echoes are over. */
-const OVER = Math.round(0.065 * ECHO_RATE_HZ);
-const FULL_SCALE = 0.999;
+/** QUIET: from how long before a direct arrival to how long before it nothing should be heard; OVER: behind it. */
+const { QUIET, OVER, FULL_SCALE } = FACTS;
 
 /**
  * @typedef {import("./resample.js").Stream} Stream

@@ -7,8 +7,8 @@
  * until frames have them.
  */
 
+import { ECHO_RATE_HZ } from "./constants.js";
 import { earliest, median, strongest } from "./matched_filter.js";
-import { ECHO_RATE_HZ } from "./resample.js";
 
 /** Frames of which the typical level is known: five seconds, after which another volume is the usual one. */
 const REMEMBERED = 50;

@@ -9,9 +9,9 @@
  * the old one, tell so at once.
  */
 
+import { ECHO_RATE_HZ } from "./constants.js";
 import { makeDirect, makeLevel, missedAt, slackOf, strongestIn } from "./echo_arrivals.js";
 import { median } from "./matched_filter.js";
-import { ECHO_RATE_HZ } from "./resample.js";
 
 /** Chirps that are held back at the most; then the time from playing to hearing is unknown again. */
 const TOGETHER = 8;

@@ -1,9 +1,8 @@
 /** The encoder: the same ONNX file as in Python, run by onnxruntime's WebAssembly on one thread. */
 
+import { ECHO_SAMPLES, ELF_SIZE, MEAN_NORMALISATION } from "./constants.js";
 import { marked } from "../shared/marked.js";
-import { ELF_SIZE } from "./floor_map.js";
 
-export const ECHO_SAMPLES = 2352;
 const AT_ONCE = 256;
 const VENDORED = new URL("../vendor/onnxruntime-web/", import.meta.url).href;
 
@@ -129,14 +128,9 @@ function checkTraces(samples, n) {
 
 // What all echoes of a walk have in common is the phone's and tells no place: as elfslam.stages.feature takes it away.
 
-/** With so many echoes of nothing a walk begins. */
-const PRIOR_FRAMES = 30;
-/** An echo is compared with the one so many before it, half a second. */
-const STILL_ECHOES = 5;
-/** Above this cosine the phone stands. */
-const STILL = 0.6;
-/** What an echo then counts: the mean would fill with that place. */
-const STILL_WEIGHT = 0.05;
+/** A walk begins with so many echoes of nothing; an echo is compared with the one so many before it: above that cosine
+ * the phone stands, and the echo hardly counts, or the mean would fill with that place. */
+const { PRIOR_FRAMES, STILL_ECHOES, STILL, STILL_WEIGHT } = MEAN_NORMALISATION;
 
 /**
  * Takes the unit vectors (n, 128) of a walk as they come and gives each less the mean of those so far, made unit again.

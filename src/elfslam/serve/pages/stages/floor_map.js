@@ -1,8 +1,7 @@
 /** A floor map in the page, and what is known of its spots. */
 
+import { ELF_SIZE } from "./constants.js";
 import { marked } from "../shared/marked.js";
-
-export const ELF_SIZE = 128;
 
 /**
  * @typedef {{

@@ -1,6 +1,6 @@
 /** Hears others in the slots of our turns, as the stream goes on. */
 
-import { ECHO_RATE_HZ } from "./resample.js";
+import { ECHO_RATE_HZ, FOREIGN, LISTENING } from "./constants.js";
 
 /** Of the sound around a slot: what was not listened to yet, and what may still come. */
 const BEFORE_S = 0.15;
@@ -125,26 +125,15 @@ function atEchoRate(envelope, rateHz) {
 // Slot by slot: when other phones chirped, by the rules of elfslam.stages.medium_access. Before an own direct
 // arrival and once its echoes are over nothing of ours is heard: what is loud there is somebody else's.
 
-/** Samples of the envelope of which the largest stands for all, at 44.1 kHz. */
-export const BIN = 16;
-/** Bins before a direct arrival in which the matched filter hears it already. */
-export const GUARD = 12;
-/** Bins behind a direct arrival in which nothing else is heard. */
-export const DIRECT = 6;
-/** Bins behind a direct arrival after which its echoes are over. */
-export const LULL = 193;
-/** Bins in which another's chirp echoes. */
-const SAME = 165;
-const LOUDEST_ECHO = 2;
-const FADES = 0.05;
-const SLACK = 88;
-/** What is heard later than that behind the beginning of a slot belongs to the next. */
-const LATE = Math.round(0.0625 * ECHO_RATE_HZ);
-const NOISE = 6;
-const STRETCHES = 16;
-/** A stretch more silent than that beside the own direct sound was lost, and tells of no noise. */
-const LOST = 1e-6;
-const REMEMBERED = 8;
+/**
+ * BIN: samples of the envelope of which the largest stands for all; in bins, GUARD: before a direct arrival the matched
+ * filter hears it already, DIRECT: behind it nothing else is heard, LULL: behind it its echoes are over, SAME: another's
+ * chirp echoes.
+ */
+const { BIN, DIRECT, FADES, GUARD, LOUDEST_ECHO, LULL, SAME } = FOREIGN;
+/** LATE: what is heard later than that behind the beginning of a slot belongs to the next. LOST: a stretch more silent
+ * than that beside the own direct sound was lost, and tells of no noise. */
+const { LATE, LOST, NOISE, REMEMBERED, SLACK, STRETCHES } = LISTENING;
 
 /**
  * What was heard so far; samples are those of a line at 44.1 kHz.

@@ -1,6 +1,6 @@
 /** One-shot localization as elfslam.stages.locate does it: a few echoes against a map. */
 
-import { ELF_SIZE } from "./floor_map.js";
+import { ELF_SIZE } from "./constants.js";
 
 /**
  * @typedef {"OK" | "AMBIGUOUS" | "UNKNOWN_PLACE" | "NO_ECHO" | "SUSPECT"} Status

@@ -3,7 +3,8 @@
  * cycle: what counts is the envelope of the analytic filter, as in elfslam.stages.echo.
  */
 
-import { ECHO_RATE_HZ, joined } from "./resample.js";
+import { ECHO_RATE_HZ } from "./constants.js";
+import { joined } from "./resample.js";
 
 /**
  * A matched filter for blocks of up to `most` samples. Value k of its envelope belongs to a chirp that

@@ -3,10 +3,10 @@
  * something of them. The worker that locates and the one that draws a growing map run the same pipeline.
  */
 
+import { ECHO_SAMPLES, ELF_SIZE } from "./constants.js";
 import { makeChirp } from "./chirp.js";
 import { makeEchoCutter } from "./echo.js";
-import { ECHO_SAMPLES, makeMeanNormalisation } from "./encoder.js";
-import { ELF_SIZE } from "./floor_map.js";
+import { makeMeanNormalisation } from "./encoder.js";
 import { meanOf } from "./locate.js";
 import { makeFootsteps } from "./motion/live.js";
 import { hearOthers } from "./spoiled.js";

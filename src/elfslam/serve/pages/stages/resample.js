@@ -1,8 +1,8 @@
 /** Sound at 48 kHz as sound at 44.1 kHz, by the filter of elfslam.stages.echo, block by block. */
 
+import { ECHO_RATE_HZ } from "./constants.js";
 import { checkRate } from "./chirp.js";
 
-export const ECHO_RATE_HZ = 44100;
 const UP = 147;
 const DOWN = 160;
 /** Taps on either side, at UP times the incoming rate: a long filter, flat from 15 to 20 kHz. */

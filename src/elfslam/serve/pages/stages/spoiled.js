@@ -3,19 +3,16 @@
  * arrival, where nothing of ours sounds, and what stands out over the same moment of the frames around.
  */
 
-import { BIN, DIRECT, GUARD, LULL, makeHearing, pooled } from "./hearing.js";
-import { ECHO_RATE_HZ } from "./resample.js";
+import { ECHO_RATE_HZ, FOREIGN } from "./constants.js";
+import { makeHearing, pooled } from "./hearing.js";
 
-/** Bins behind a direct arrival in which its echoes are kept. */
-const FRAME = 178;
-/** Bins before a direct arrival: another's chirp there still sounds in its echoes. */
-const QUIET = 55;
-/** Bins by which an echo may move from frame to frame. */
-const WIDER = 3;
+/**
+ * FRAME: bins behind a direct arrival in which its echoes are kept; QUIET: bins before it, another's chirp there still
+ * sounds in its echoes; WIDER: bins by which an echo may move; FEWEST: frames before one can tell what is usual.
+ */
+const { BIN, DIRECT, FEWEST, FRAME, GUARD, LULL, QUIET, WIDER } = FOREIGN;
 /** Frames further apart are too different to be compared. */
-const NEAR = 0.45 * ECHO_RATE_HZ;
-/** Frames before one can tell what is usual. */
-const FEWEST = 2;
+const NEAR = FOREIGN.NEAR_S * ECHO_RATE_HZ;
 
 /**
  * @typedef {import("./echo.js").Echo} Echo

@@ -4,6 +4,7 @@
  * `live_delay_s` beyond it.
  */
 
+import { MOTION } from "../constants.js";
 import { differences, halfways, interpolate, interpolateAll, runningMedian } from "./filters.js";
 import { bounceRms, footfalls, verticalBounce } from "./footsteps.js";
 import { NO_REST, averaged, evenlySampled, level, rateOf, restUntil, stillRows } from "./level.js";
@@ -20,8 +21,9 @@ import { NO_REST, averaged, evenlySampled, level, rateOf, restUntil, stillRows }
  *   as the window begins, and its gyroscope at rest before that
  */
 
-/** A rest leaves the window as a whole: until it ends, so many times `still_s` of it stay. */
-const REST_KEPT = 1.25;
+/** A rest leaves the window as a whole: until it ends, so many times `still_s` of it stay. The usual interval of steps is
+ * the median of so many. */
+const { REST_KEPT, STEPS_AROUND } = MOTION;
 
 /** @param {Rest} rest @returns {Past} */
 function beginning(rest = NO_REST) {
@@ -244,9 +246,6 @@ export function phoneTurn({ gyro, up, rateHz }) {
 }
 
 // How long each step is, from how far and how often the walker bounces: elfslam.stages.motion.lengths.
-
-/** The usual interval is the median of so many. */
-const STEPS_AROUND = 5;
 
 /**
  * @param {import("./filters.js").Level} levelled @param {Float64Array} bounce
