@@ -6,9 +6,8 @@ import { readdirSync, readFileSync } from "node:fs";
 import { join } from "node:path";
 import { test } from "node:test";
 
-import {
-  ECHO_SAMPLES, encoderFor, makeMeanNormalisation, openEncoder,
-} from "../../../../src/elfslam/serve/pages/stages/encoder.js";
+import { ECHO_SAMPLES } from "../../../../src/elfslam/serve/pages/stages/constants.js";
+import { encoderFor, makeMeanNormalisation, openEncoder } from "../../../../src/elfslam/serve/pages/stages/encoder.js";
 import { assertNear, floats, floorMapIn, told } from "./vectors.mjs";
 
 const SCENES = readdirSync(process.env.ELFSLAM_VECTORS).map((name) => join(process.env.ELFSLAM_VECTORS, name));
