@@ -2,10 +2,10 @@
 
 import { makeChirp } from "/stages/chirp.js";
 import { makeEchoCutter } from "/stages/echo.js";
-import { atEchoRate, makeEnvelope } from "/stages/echo_envelope.js";
+import { atEchoRate, makeEnvelope } from "/stages/matched_filter.js";
 import { encoderFor, openEncoder } from "/stages/encoder.js";
 import { checkedMap } from "/stages/floor_map.js";
-import { fixOf, likeness, meanOf } from "/stages/locate.js";
+import { fixOf, similarity, meanOf } from "/stages/locate.js";
 import { makeResampler } from "/stages/resample.js";
 import { answer, bytes, floats, floorMapIn, json } from "./given.js";
 
@@ -44,7 +44,7 @@ async function oneWindow({ floorMap, listener, rateHz }, sound, windowS, most) {
     if (echoes.length < 3) continue;
     const vectors = await listener.embed(tracesOf(echoes), echoes.length);
     const embedded = performance.now();
-    const scores = likeness(meanOf(vectors, 0, echoes.length), floorMap);
+    const scores = similarity(meanOf(vectors, 0, echoes.length), floorMap);
     const compared = performance.now();
     const { status, xyM } = fixOf(scores, floorMap, floorMap.parameters.locate);
     const fixed = performance.now();
@@ -66,7 +66,7 @@ async function whileItComes({ floorMap, listener, rateHz }, sound) {
       const more = await listener.embed(tracesOf(echoes), echoes.length);
       vectors = Float32Array.of(...vectors, ...more).slice(-6 * 128);
       const count = vectors.length / 128;
-      if (count === 6) fixOf(likeness(meanOf(vectors, 0, 6), floorMap), floorMap, floorMap.parameters.locate);
+      if (count === 6) fixOf(similarity(meanOf(vectors, 0, 6), floorMap), floorMap, floorMap.parameters.locate);
       if (count === 6) afterLastMs.push(performance.now() - start);
     }
   }

@@ -2,7 +2,7 @@
 
 import { makeFootsteps } from "/stages/motion/live.js";
 import { makeTracker } from "/stages/track.js";
-import { makeRandom } from "/stages/tracking/random.js";
+import { makeRandom } from "/stages/particles.js";
 import { answer, json } from "./given.js";
 
 const EVERY_S = 0.1;

@@ -3,18 +3,16 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { commonName, mapJob, sensesOf } from "../../../src/elfslam/serve/pages/desk/asking.js";
-import { keptOf } from "../../../src/elfslam/serve/pages/desk/recorded.js";
-import { apart, courseOf, stretchOf } from "../../../src/elfslam/serve/pages/desk/timeline.js";
-import { queryOf } from "../../../src/elfslam/serve/pages/desk/downloads.js";
+import { commonName, mapJob, sensesOf } from "../../../src/elfslam/serve/pages/desk/dialogs.js";
+import { apart, courseOf, keptOf, stretchOf } from "../../../src/elfslam/serve/pages/desk/timeline.js";
+import { factsOf, queryOf } from "../../../src/elfslam/serve/pages/desk/maps_view.js";
 import {
-  fileName, formatAgo, formatBytes, formatCount, formatDuration, formatMetres, formatShare, parseTime, secondsBetween, withoutMarks,
-} from "../../../src/elfslam/serve/pages/desk/format.js";
-import { factsOf } from "../../../src/elfslam/serve/pages/desk/maps_view.js";
-import { PACE, nextWait } from "../../../src/elfslam/serve/pages/desk/polling.js";
+  fileName, formatAgo, formatBytes, formatCount, formatDuration, formatMetres, formatShare, parseTime,
+  secondsBetween, withoutMarks,
+} from "../../../src/elfslam/serve/pages/shared/format.js";
+import { PACE, isMoving, jobTitle, mappingOf, nextWait } from "../../../src/elfslam/serve/pages/desk/store.js";
 import { bytesOf, shareCome } from "../../../src/elfslam/serve/pages/desk/recordings_view.js";
-import { pageOf } from "../../../src/elfslam/serve/pages/desk/routes.js";
-import { isMoving, jobTitle, mappingOf } from "../../../src/elfslam/serve/pages/desk/store.js";
+import { pageOf } from "../../../src/elfslam/serve/pages/desk/session.js";
 import { counted } from "../../../src/elfslam/serve/pages/shared/words.js";
 
 test("numbers as people read them, a dash where nothing is known", () => {

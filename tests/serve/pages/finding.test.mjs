@@ -3,11 +3,13 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { venueOf } from "../../../src/elfslam/serve/pages/desk/downloads.js";
-import { SORTS, chosenOf, firstOrder, forgetGone, matching, sorted } from "../../../src/elfslam/serve/pages/desk/finding.js";
+import { venueOf } from "../../../src/elfslam/serve/pages/desk/maps_view.js";
+import {
+  SORTS, chosenOf, firstOrder, forgetGone, matching, sorted,
+} from "../../../src/elfslam/serve/pages/desk/lists.js";
 import { mapChange } from "../../../src/elfslam/serve/pages/desk/renaming.js";
 import { sharedWords } from "../../../src/elfslam/serve/pages/desk/sharing.js";
-import { linkIn } from "../../../src/elfslam/serve/pages/shared/links.js";
+import { linkIn } from "../../../src/elfslam/serve/pages/shared/api.js";
 import { byName, grouped, placeOf } from "../../../src/elfslam/serve/pages/shared/places.js";
 
 const THINGS = [

@@ -4,10 +4,10 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import {
-  extentOf, pathOf, readingText, runsOf, shareDown, spanOf, stretchAt, summaryOf, tickText, ticksOf, timeAt, titleOf,
-} from "../../../src/elfslam/serve/pages/desk/recording/curves.js";
-import { factsOf, filesOf, rateText } from "../../../src/elfslam/serve/pages/desk/recording/words.js";
-import { pageOf } from "../../../src/elfslam/serve/pages/desk/routes.js";
+  extentOf, factsOf, filesOf, pathOf, rateText, readingText, runsOf, shareDown, spanOf, stretchAt, summaryOf,
+  tickText, ticksOf, timeAt, titleOf,
+} from "../../../src/elfslam/serve/pages/desk/recording_page.js";
+import { pageOf } from "../../../src/elfslam/serve/pages/desk/session.js";
 import { ENDINGS, sorted } from "../../../src/elfslam/serve/pages/desk/uploads.js";
 
 const curve = (low, high, name = "acceleration") => ({ name, unit: "m/s²", start_s: 0, step_s: 1, low, high });

@@ -14,7 +14,7 @@ VIEWER = resources.files("elfslam").joinpath("serve/pages/desk/viewer")
 
 @pytest.mark.parametrize("status", FixStatus)
 def test_a_status_is_known_to_the_pages(status: FixStatus) -> None:
-    assert f'  {status.name}: t("' in VIEWER.joinpath("fixes.js").read_text(encoding="utf-8")
+    assert f'  {status.name}: t("' in VIEWER.joinpath("state.js").read_text(encoding="utf-8")
     assert f'{status.name}: colour("' in VIEWER.joinpath("state.js").read_text(encoding="utf-8")
 
 

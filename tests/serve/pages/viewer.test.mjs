@@ -3,17 +3,17 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { STEP_OF_SIGMA, stretches } from "../../../src/elfslam/serve/pages/desk/viewer/band.js";
-import { colourAt, contrast, limitsOf, luminance, rgbOf, timeColour } from "../../../src/elfslam/serve/pages/desk/viewer/colours.js";
-import { countStatuses, parseFixes } from "../../../src/elfslam/serve/pages/desk/viewer/fixes.js";
-import { indexOf, nearest } from "../../../src/elfslam/serve/pages/desk/viewer/nearest.js";
+import {
+  STEP_OF_SIGMA, cellAt, colourAt, contrast, indexOf, lengthOf, limitsOf, luminance, medianOf, nearest, rgbOf,
+  sceneOf, stepAt, stretches, timeColour,
+} from "../../../src/elfslam/serve/pages/desk/viewer/scene.js";
+import { countStatuses, parseFixes } from "../../../src/elfslam/serve/pages/desk/viewer/state.js";
 import {
   corners, firstPlacement, imageMatrix, isOnPlan, mapToPlan, middle, moved, planToMap, rounded, stretched, turned, widened, wrapped,
 } from "../../../src/elfslam/serve/pages/shared/map/placement.js";
-import { grabPlan, snapped } from "../../../src/elfslam/serve/pages/desk/viewer/placing.js";
+import { grabPlan, snapped } from "../../../src/elfslam/serve/pages/desk/viewer/canvas.js";
 import { fit, pan, pinch, scaleBar, toMap, toScreen, zoomAt } from "../../../src/elfslam/serve/pages/shared/map/projection.js";
-import { cellAt, lengthOf, medianOf, sceneOf, stepAt } from "../../../src/elfslam/serve/pages/desk/viewer/scene.js";
-import { focusAt, nextFocus, tell } from "../../../src/elfslam/serve/pages/desk/viewer/telling.js";
+import { focusAt, nextFocus, tell } from "../../../src/elfslam/serve/pages/desk/viewer/hover_text.js";
 
 const SIZE = { width: 800, height: 600 };
 const VIEW = { x_m: 2, y_m: -1, px_per_m: 50 };

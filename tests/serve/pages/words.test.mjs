@@ -20,8 +20,8 @@ const WORDS = {
 globalThis.elfslamLanguage = { language: "de", locale: "de-DE", languages: ["en", "de"], catalogue: Promise.resolve(WORDS), choose() {} };
 const { counted, inSentence, language, t, translated, woven } = await import(`${PAGES}shared/words.js`);
 const { formatBytes, formatMetres, formatMoment, formatNumber } = await import(`${PAGES}shared/format.js`);
-const { formatAgo, formatCount } = await import(`${PAGES}desk/format.js`);
-const { usualName } = await import(`${PAGES}phone/form.js`);
+const { formatAgo, formatCount } = await import(`${PAGES}shared/format.js`);
+const { usualName } = await import(`${PAGES}phone/view.js`);
 
 test("a text is said in the language, what the catalogue lacks in English", () => {
   assert.equal(language, "de");

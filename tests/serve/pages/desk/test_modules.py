@@ -1,44 +1,23 @@
-"""Every module of the desk page is JavaScript, small, and asks for nothing from elsewhere."""
+"""The desk page asks for nothing from elsewhere; what of it needs no page is tested in node."""
 
 from __future__ import annotations
 
 import re
-import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
 
+from tests.in_node import needs_node, passed_in_node
+
 HERE = Path(__file__).resolve().parent
 PAGES = HERE.parents[3] / "src" / "elfslam" / "serve" / "pages"
 MODULES = sorted((PAGES / "desk").rglob("*.js"))
-MOST_LINES = 250
-NODE = shutil.which("node")
 
 
-@pytest.mark.skipif(NODE is None, reason="node is missing: install nodejs")
-def test_modules_can_be_parsed() -> None:
-    found = [
-        subprocess.run([str(NODE), "--check", file], capture_output=True, text=True, check=False)
-        for file in MODULES
-    ]
-    assert [each.stderr for each in found if each.returncode] == []
-
-
-@pytest.mark.skipif(NODE is None, reason="node is missing: install nodejs")
+@needs_node
 @pytest.mark.parametrize("file", sorted(HERE.parent.glob("*.test.mjs")), ids=lambda file: file.stem)
 def test_what_needs_no_page_is_tested_in_node(file: Path) -> None:
-    ran = subprocess.run(
-        [str(NODE), "--test", str(file)], capture_output=True, text=True, check=False
-    )
-    assert ran.returncode == 0, ran.stdout
-
-
-@pytest.mark.parametrize("file", MODULES, ids=lambda file: file.name)
-def test_a_module_is_small_and_says_what_it_is(file: Path) -> None:
-    text = file.read_text()
-    assert len(text.splitlines()) <= MOST_LINES
-    assert text.startswith("// ")
+    passed_in_node(file)
 
 
 @pytest.mark.parametrize("file", [*MODULES, PAGES / "desk.html", PAGES / "desk.css"])

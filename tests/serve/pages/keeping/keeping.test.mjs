@@ -4,11 +4,11 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
-import { forgetLink, linkedMaps, rememberLink } from "../../../../src/elfslam/serve/pages/keeping/links.js";
+import {
+  forgetLink, keyIn, linkedMaps, memoryStore, pair, pinnedKey, rememberLink, trustAsGuest,
+} from "../../../../src/elfslam/serve/pages/keeping/store.js";
+import * as refusals from "../../../../src/elfslam/serve/pages/keeping/packages.js";
 import { openPackages } from "../../../../src/elfslam/serve/pages/keeping/packages.js";
-import { keyIn, pair, pinnedKey, trustAsGuest } from "../../../../src/elfslam/serve/pages/keeping/pairing.js";
-import * as refusals from "../../../../src/elfslam/serve/pages/keeping/refusals.js";
-import { memoryStore } from "../../../../src/elfslam/serve/pages/keeping/store.js";
 import { spotsOf, wholeOf } from "../../../../src/elfslam/serve/pages/keeping/tiles.js";
 import { NO_ANSWER } from "../../../../src/elfslam/serve/pages/shared/api.js";
 

@@ -33,7 +33,9 @@ OPEN = f"""async (id) => {{ {HOLD}
       x: Array.from(floorMap.xyM.slice(0, 4)), listed: (await packages.list()).length }};
   }} catch (error) {{ return error.message; }}
 }}"""
-WALKS = """async () => (await import("/phone/keeper.js")).startKeeper().ask({ do: "list" })"""
+WALKS = (
+    """async () => (await import("/phone/storage_client.js")).startStorage().ask({ do: "list" })"""
+)
 CACHED = """async () => {
   const found = [];
   for (const name of await caches.keys()) {

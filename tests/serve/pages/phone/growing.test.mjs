@@ -5,10 +5,10 @@ import { test } from "node:test";
 
 const PAGES = "../../../../src/elfslam/serve/pages/phone";
 const { confirmedShare, makeSketch, nextStretch, drawBySteps } = await import(`${PAGES}/growing/sketch.js`);
-const { adviceOf } = await import(`${PAGES}/growing/growing_view.js`);
-const { makeChirpWatch, louderOn } = await import(`${PAGES}/chirp_watch.js`);
+const { adviceOf } = await import(`${PAGES}/growing/growing.js`);
+const { makeChirpWatch, louderOn } = await import(`${PAGES}/recording_controller.js`);
 const { checkpointRows } = await import(`${PAGES}/walking.js`);
-const { placeAt } = await import(`${PAGES}/growing/plan_to_tap.js`);
+const { placeAt } = await import(`${PAGES}/growing/tapping.js`);
 
 const CLOSURE = {
   threshold: 0.35, back_margin: 0.4, near_footsteps: 12, half_sequence: 6, half_peak: 2, ridge_footsteps: 3,

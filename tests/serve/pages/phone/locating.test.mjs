@@ -4,15 +4,15 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { decideBySteps, decideByWindows } from "../../../../src/elfslam/serve/pages/phone/locating/deciding.js";
-import { SIGMAS, ellipseOf, radiusOf } from "../../../../src/elfslam/serve/pages/phone/locating/ellipse.js";
-import { joins, thinned } from "../../../../src/elfslam/serve/pages/phone/locating/ground_of_map.js";
-import { offersOf, rowsOf, venuesOf } from "../../../../src/elfslam/serve/pages/phone/locating/maps.js";
-import { makeMemory } from "../../../../src/elfslam/serve/pages/phone/locating/memory.js";
-import { delayMotion } from "../../../../src/elfslam/serve/pages/phone/locating/motion_delay.js";
-import { LOST, NOTHING_NEAR, NO_POSITION, REFUSED, floorsNear, questionOf } from "../../../../src/elfslam/serve/pages/phone/locating/near.js";
-import { makePlacer } from "../../../../src/elfslam/serve/pages/phone/locating/placer.js";
-import { NO_TRAIL, withFix } from "../../../../src/elfslam/serve/pages/phone/locating/trail.js";
-import { placeSpoken, within, wordsOf } from "../../../../src/elfslam/serve/pages/phone/locating/words.js";
+import {
+  SIGMAS, ellipseOf, placeSpoken, radiusOf, within, wordsOf,
+} from "../../../../src/elfslam/serve/pages/phone/locating/words.js";
+import { joins, thinned } from "../../../../src/elfslam/serve/pages/phone/locating/walked_ground.js";
+import {
+  LOST, NOTHING_NEAR, NO_POSITION, REFUSED, floorsNear, offersOf, questionOf, rowsOf, venuesOf,
+} from "../../../../src/elfslam/serve/pages/phone/locating/choosing.js";
+import { delayMotion, makeMemory, makePlacer } from "../../../../src/elfslam/serve/pages/stages/pipeline.js";
+import { NO_TRAIL, withFix } from "../../../../src/elfslam/serve/pages/phone/locating/place_map.js";
 
 const NB = "\u00a0";
 const near = (actual, wanted, slack = 1e-9) => assert.ok(Math.abs(actual - wanted) <= slack, `${actual} is not ${wanted}`);

@@ -7,20 +7,21 @@ import { test } from "node:test";
 import {
   eventTime, fitClocks, readClocks, soundTime, withPair,
 } from "../../../../src/elfslam/serve/pages/phone/clocks.js";
-import { parseStart, walkKey } from "../../../../src/elfslam/serve/pages/phone/form.js";
-import { NO_FACTS, deviceIn, manifestOf } from "../../../../src/elfslam/serve/pages/phone/manifest.js";
-import { cutsFor, lastTime } from "../../../../src/elfslam/serve/pages/phone/mending.js";
+import { parseStart, walkKey } from "../../../../src/elfslam/serve/pages/phone/view.js";
+import {
+  NO_FACTS, cutsFor, deviceIn, lastTime, manifestOf,
+} from "../../../../src/elfslam/serve/pages/phone/manifest.js";
 import {
   NO_STEPS, accelerationOf, accelerationSign, countStep, describeMotion, tableRow, turningOf,
 } from "../../../../src/elfslam/serve/pages/phone/motion.js";
-import { joined } from "../../../../src/elfslam/serve/pages/phone/shelf_database.js";
-import { toPcm, wavHeader } from "../../../../src/elfslam/serve/pages/phone/sound_files.js";
-import { troubleOf } from "../../../../src/elfslam/serve/pages/phone/troubles.js";
+import { joined } from "../../../../src/elfslam/serve/pages/phone/idb_store.js";
+import { toPcm, wavHeader } from "../../../../src/elfslam/serve/pages/phone/framer.js";
+import { troubleOf } from "../../../../src/elfslam/serve/pages/phone/sending.js";
 import { judge, summarise } from "../../../../src/elfslam/serve/pages/phone/verdicts.js";
 import { makeChirpLog, makeLateness, makeMotionLog } from "../../../../src/elfslam/serve/pages/phone/walking.js";
 import { secretIn } from "../../../../src/elfslam/serve/pages/shared/api.js";
 import { formatBytes, formatDuration, formatMoment } from "../../../../src/elfslam/serve/pages/shared/format.js";
-import { missingLine, missingWords } from "../../../../src/elfslam/serve/pages/shared/missing.js";
+import { missingLine, missingWords } from "../../../../src/elfslam/serve/pages/shared/job_words.js";
 import { fingerprintOf } from "../../../../src/elfslam/serve/pages/trust.js";
 
 const IPHONE = "Mozilla/5.0 (iPhone; CPU iPhone OS 18_1 like Mac OS X) AppleWebKit/605.1.15 Version/18.1";

@@ -4,9 +4,9 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { makeScheduleSearch } from "../../../../src/elfslam/serve/pages/stages/echo_schedule.js";
-import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/stages/medium_access.js";
-import { makeHearing } from "../../../../src/elfslam/serve/pages/phone/hearing.js";
-import { makeStream } from "../../../../src/elfslam/serve/pages/phone/stream.js";
+import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/stages/constants.js";
+import { makeHearing } from "../../../../src/elfslam/serve/pages/stages/hearing.js";
+import { makeStream } from "../../../../src/elfslam/serve/pages/stages/resample.js";
 
 const RATE_HZ = 44100;
 const PERIOD = RATE_HZ / 10;

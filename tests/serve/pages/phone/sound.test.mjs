@@ -5,18 +5,18 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
-import { RULES } from "../../../../src/elfslam/serve/pages/phone/arrivals.js";
-import { makeBaseband, scaleOf, toInt16 } from "../../../../src/elfslam/serve/pages/phone/baseband.js";
-import { makeBandFilter } from "../../../../src/elfslam/serve/pages/phone/band_filter.js";
-import { CHIRP, makeChirp, periodSamples } from "../../../../src/elfslam/serve/pages/phone/chirp.js";
-import { analyticSignal, complexZeros, fourierOf } from "../../../../src/elfslam/serve/pages/phone/fourier.js";
+import { PATIENCE } from "../../../../src/elfslam/serve/pages/phone/arrivals.js";
+import { makeBandFilter, makeBaseband, scaleOf, toInt16 } from "../../../../src/elfslam/serve/pages/phone/baseband.js";
+import { CHIRP, excitationOf, periodSamples } from "../../../../src/elfslam/serve/pages/stages/chirp.js";
+import {
+  analyticSignal, complexZeros, earliest, fourierOf, makeMatchedFilter, median,
+} from "../../../../src/elfslam/serve/pages/stages/matched_filter.js";
 import { makeFramer } from "../../../../src/elfslam/serve/pages/phone/framer.js";
-import { makeHearing } from "../../../../src/elfslam/serve/pages/phone/hearing.js";
-import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/stages/medium_access.js";
-import { earliest, makeMatchedFilter, median } from "../../../../src/elfslam/serve/pages/phone/matched_filter.js";
-import { bestOf } from "../../../../src/elfslam/serve/pages/phone/microphones.js";
+import { makeHearing } from "../../../../src/elfslam/serve/pages/stages/hearing.js";
+import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/stages/constants.js";
+import { bestOf } from "../../../../src/elfslam/serve/pages/phone/microphone.js";
 import { measure } from "../../../../src/elfslam/serve/pages/phone/probe.js";
-import { makeStream } from "../../../../src/elfslam/serve/pages/phone/stream.js";
+import { makeStream } from "../../../../src/elfslam/serve/pages/stages/resample.js";
 
 const vectors = JSON.parse(readFileSync(process.env.ELFSLAM_VECTORS, "utf8"));
 const RATES_HZ = [44100, 48000];
@@ -33,13 +33,13 @@ for (const rateHz of RATES_HZ) {
   const sound = Float32Array.from(given.sound);
 
   test(`the chirp at ${rateHz} Hz is elfslam's`, () => {
-    assertNear(makeChirp(vectors.chirp, rateHz), given.chirp, 1e-6, "chirp");
-    assertNear(makeChirp(CHIRP, rateHz), given.chirp, 1e-6, "chirp by default");
+    assertNear(excitationOf(vectors.chirp, rateHz), given.chirp, 1e-6, "chirp");
+    assertNear(excitationOf(CHIRP, rateHz), given.chirp, 1e-6, "chirp by default");
   });
 
   test(`the matched filter at ${rateHz} Hz is elfslam's`, () => {
     const block = sound.subarray(0, 6000);
-    const envelope = makeMatchedFilter(makeChirp(CHIRP, rateHz), block.length)(block);
+    const envelope = makeMatchedFilter(excitationOf(CHIRP, rateHz), block.length)(block);
     assertNear(envelope, given.envelope.slice(0, envelope.length), 2e-6, "envelope");
   });
 
@@ -111,7 +111,7 @@ function speech(tS) {
 }
 
 function framing(rateHz, kind) {
-  const chirp = makeChirp(CHIRP, rateHz);
+  const chirp = excitationOf(CHIRP, rateHz);
   return { rateHz, chirp, period: periodSamples(CHIRP, rateHz), kind };
 }
 
@@ -131,7 +131,7 @@ function played(rateHz, count, starts, noise = 1e-4) {
     return seed / 2147483647 - 0.5;
   };
   const sound = Float32Array.from({ length: count }, () => noise * random());
-  const chirp = makeChirp(CHIRP, rateHz);
+  const chirp = excitationOf(CHIRP, rateHz);
   for (const start of starts) chirp.forEach((value, k) => { sound[start + k] += 0.2 * value; });
   return sound;
 }
@@ -141,7 +141,7 @@ for (const echoDb of [10, 30]) {
     const rateHz = 48000;
     const starts = Array.from({ length: 10 }, (_, c) => 9000 + 4800 * c);
     const sound = played(rateHz, 60000, starts, 0);
-    const chirp = makeChirp(CHIRP, rateHz);
+    const chirp = excitationOf(CHIRP, rateHz);
     const envelopeOf = (samples) => makeMatchedFilter(chirp, samples.length)(samples);
     const meanPower = (values) => values.reduce((sum, value) => sum + value * value, 0) / values.length;
     const noise = played(rateHz, 60000, [], 0.02);
@@ -192,7 +192,7 @@ test("chirps that become much softer are found again after a while", () => {
   quiet.forEach((value, k) => { sound[k] += 0.1 * value; });
   const frames = pushed(makeFramer(framing(rateHz, "baseband")), sound, 4096);
   const missed = frames.filter((frame) => !frame.arrival.isFound).length;
-  assert.equal(missed, RULES.patience);
+  assert.equal(missed, PATIENCE);
 });
 
 test("sound without chirps gives no frames", () => {
@@ -210,7 +210,7 @@ test("lost samples are filled with silence, so that the clock goes on", () => {
 
 /** Chirps and an echo each, played at these samples and heard `late` samples later. */
 function playedSound(played, late, rateHz, seconds, level = 0.2) {
-  const chirp = makeChirp(CHIRP, rateHz);
+  const chirp = excitationOf(CHIRP, rateHz);
   const sound = Float32Array.from({ length: seconds * rateHz }, (_, n) => 1e-4 * Math.sin(n * n));
   for (const start of played) {
     for (const [gain, delay] of [[1, 0], [0.3, 1000]]) {
@@ -349,8 +349,8 @@ test("the analytic signal of a cosine turns once per period", () => {
 });
 
 test("other rates and other excitations are refused with what to do", () => {
-  assert.throws(() => makeChirp(CHIRP, 16000), /16000.*headset/);
-  assert.throws(() => makeChirp({ ...CHIRP, kind: "tone" }, 48000), /tone/);
+  assert.throws(() => excitationOf(CHIRP, 16000), /16000.*headset/);
+  assert.throws(() => excitationOf({ ...CHIRP, kind: "tone" }, 48000), /tone/);
 });
 
 test("sixteen bits are held, and the scale is the least that clips nothing", () => {
@@ -361,7 +361,7 @@ test("sixteen bits are held, and the scale is the least that clips nothing", () 
 
 test("the probe measures level, timing and signal over noise", () => {
   const rateHz = 48000;
-  const chirp = makeChirp(CHIRP, rateHz);
+  const chirp = excitationOf(CHIRP, rateHz);
   const first = 0.6 * rateHz;
   const starts = Array.from({ length: 20 }, (_, c) => first + 4800 * c + 1500);
   const sound = played(rateHz, 140000, starts, 2e-3);
@@ -379,11 +379,11 @@ test("the probe measures level, timing and signal over noise", () => {
 
 test("a band that is cut off is noticed", () => {
   const rateHz = 48000;
-  const chirp = makeChirp({ ...CHIRP, band_hz: [15000, 17500] }, rateHz);
+  const chirp = excitationOf({ ...CHIRP, band_hz: [15000, 17500] }, rateHz);
   const first = 0.6 * rateHz;
   const sound = played(rateHz, 140000, [], 2e-3);
   for (let c = 0; c < 20; c += 1) chirp.forEach((value, k) => { sound[first + 4800 * c + 1500 + k] += 0.2 * value; });
-  const { subbands } = measure(sound, rateHz, makeChirp(CHIRP, rateHz), { first, period: 4800, count: 20 }, CHIRP.band_hz);
+  const { subbands } = measure(sound, rateHz, excitationOf(CHIRP, rateHz), { first, period: 4800, count: 20 }, CHIRP.band_hz);
   assert.ok(subbands[1].snrDb > 25 && subbands[4].snrDb < 12);
 });
 

@@ -5,9 +5,9 @@ import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import { MessageChannel } from "node:worker_threads";
 
-import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/stages/medium_access.js";
-import { CHIRP } from "../../../../src/elfslam/serve/pages/phone/chirp.js";
-import { RULES } from "../../../../src/elfslam/serve/pages/phone/arrivals.js";
+import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/stages/constants.js";
+import { CHIRP } from "../../../../src/elfslam/serve/pages/stages/chirp.js";
+import { PATIENCE } from "../../../../src/elfslam/serve/pages/phone/arrivals.js";
 
 const vectors = JSON.parse(readFileSync(process.env.ELFSLAM_VECTORS, "utf8"));
 const RATE_HZ = 48000;
@@ -99,7 +99,7 @@ for (const kind of Object.keys(FILES)) {
     await settled();
     assert.ok(told.every((message) => leaves(message).every((value) => !ArrayBuffer.isView(value))));
     const frames = told.filter((message) => message.is === "frame").length;
-    assert.ok(frames > 8 && frames <= heard.length / (0.1 * RATE_HZ) + RULES.patience);
+    assert.ok(frames > 8 && frames <= heard.length / (0.1 * RATE_HZ) + PATIENCE);
     const parts = kept.flatMap((message) => message.parts);
     assert.deepEqual([...new Set(parts.map(([name]) => name))].sort(), FILES[kind]);
     const sound = parts.filter(([name, bytes]) => name === FILES[kind][1] && bytes.length > 44);

@@ -93,15 +93,14 @@ def test_the_modules_of_the_page(file: Path, vectors: Path) -> None:
 
 CUT = """
 import { readFileSync, writeFileSync } from "node:fs";
-const { makeFramer } = await import(process.argv[1] + "/phone/framer.js");
-const { makeChirp, CHIRP } = await import(process.argv[1] + "/phone/chirp.js");
-const { FRAME_HEADERS, wavHeader } = await import(process.argv[1] + "/phone/sound_files.js");
+const { FRAME_HEADERS, makeFramer, wavHeader } = await import(process.argv[1] + "/phone/framer.js");
+const { excitationOf, CHIRP } = await import(process.argv[1] + "/stages/chirp.js");
 const [, , soundFile, folder, rate, kind] = process.argv;
 const rateHz = Number(rate);
 const bytes = readFileSync(soundFile);
 const sound = new Float32Array(bytes.buffer, bytes.byteOffset, bytes.length / 4);
 const framer = makeFramer({
-  rateHz, chirp: makeChirp(CHIRP, rateHz), period: rateHz / 10, kind,
+  rateHz, chirp: excitationOf(CHIRP, rateHz), period: rateHz / 10, kind,
 });
 const { frames } = framer.push(0, sound);
 const names = { whole: ["frames.csv", "frames.wav"], baseband: ["baseband.csv", "baseband.iq"] };

@@ -285,15 +285,15 @@ def test_a_walk_without_network_is_sent_when_it_is_back(
     check_sound(fetched(server, tmp_path)[0], heard)
 
 
-@pytest.mark.parametrize("shelf", ["files", "database"])
+@pytest.mark.parametrize("store", ["files", "database"])
 def test_a_walk_outlives_its_page(
-    phone: Any, server: Any, heard: Heard, tmp_path: Path, shelf: str
+    phone: Any, server: Any, heard: Heard, tmp_path: Path, store: str
 ) -> None:
     """In browsers without a file system of their own the database keeps the bytes."""
-    if shelf == "database":
-        absent = "export async function openFileShelf() { return null; }"
+    if store == "database":
+        absent = "export async function openOpfsStore() { return null; }"
         phone.page.context.route(
-            "**/shelf_files.js",
+            "**/opfs_store.js",
             lambda route: route.fulfill(body=absent, content_type="text/javascript"),
         )
     phone.begin("Broken off")

@@ -3,8 +3,9 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { pointAlong, walkedGroundOf, wayFrom, waysTo } from "../../../../src/elfslam/serve/pages/phone/locating/walked_ground.js";
-import { wayWords } from "../../../../src/elfslam/serve/pages/phone/locating/way_words.js";
+import {
+  pointAlong, walkedGroundOf, wayFrom, wayWords, waysTo,
+} from "../../../../src/elfslam/serve/pages/phone/locating/walked_ground.js";
 import { labelBox, overlap } from "../../../../src/elfslam/serve/pages/shared/map/points_of_interest.js";
 
 const STEP_M = 0.2;

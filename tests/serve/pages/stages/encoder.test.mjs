@@ -6,8 +6,8 @@ import { readdirSync, readFileSync } from "node:fs";
 import { join } from "node:path";
 import { test } from "node:test";
 
-import { makeCentring } from "../../../../src/elfslam/serve/pages/stages/centring.js";
-import { ECHO_SAMPLES, encoderFor, openEncoder } from "../../../../src/elfslam/serve/pages/stages/encoder.js";
+import { ECHO_SAMPLES } from "../../../../src/elfslam/serve/pages/stages/constants.js";
+import { encoderFor, makeMeanNormalisation, openEncoder } from "../../../../src/elfslam/serve/pages/stages/encoder.js";
 import { assertNear, floats, floorMapIn, told } from "./vectors.mjs";
 
 const SCENES = readdirSync(process.env.ELFSLAM_VECTORS).map((name) => join(process.env.ELFSLAM_VECTORS, name));
@@ -37,7 +37,7 @@ for (const folder of SCENES) {
   test(`what the echoes at ${rateHz} Hz have in common is taken away as in Python, whatever they come with`, () => {
     const [elf, heard] = [floats(folder, "elf"), floats(folder, "heard")];
     for (const together of [1, 7, count]) {
-      const centred = makeCentring();
+      const centred = makeMeanNormalisation();
       for (let k = 0; k < count; k += together) {
         const some = elf.subarray(128 * k, 128 * Math.min(k + together, count));
         assertNear(centred(some), heard.subarray(128 * k, 128 * k + some.length), 1e-5, `echoes from ${k}`);

@@ -4,8 +4,9 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
-import { makeClosureSearch, unrivalled } from "../../../../src/elfslam/serve/pages/stages/growing_closures.js";
-import { makeGrowingGraph, solved } from "../../../../src/elfslam/serve/pages/stages/growing_graph.js";
+import {
+  makeClosureSearch, makeGrowingGraph, solved, unrivalled,
+} from "../../../../src/elfslam/serve/pages/stages/growing_graph.js";
 import { assertNear } from "./vectors.mjs";
 
 const { walks, means, parameters, candidates } = JSON.parse(readFileSync(process.env.ELFSLAM_VECTORS));

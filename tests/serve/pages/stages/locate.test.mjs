@@ -6,7 +6,7 @@ import { join } from "node:path";
 import { test } from "node:test";
 
 import { checkedMap } from "../../../../src/elfslam/serve/pages/stages/floor_map.js";
-import { fixOf, likeness, meansBetween } from "../../../../src/elfslam/serve/pages/stages/locate.js";
+import { fixOf, meansBetween, similarity } from "../../../../src/elfslam/serve/pages/stages/locate.js";
 import { assertNear, floats, floorMapIn, told } from "./vectors.mjs";
 
 const SCENES = readdirSync(process.env.ELFSLAM_VECTORS).map((name) => join(process.env.ELFSLAM_VECTORS, name));
@@ -31,7 +31,7 @@ function locateOneShot(tS, vectors, floorMap) {
   const count = Math.trunc((tS[tS.length - 1] - tS[0]) / locate.window_s) + 1;
   const edgesS = Float64Array.from({ length: count + 1 }, (_, k) => tS[0] + locate.window_s * k);
   return meansBetween(tS, vectors, edgesS, locate.fewest_echoes).map((mean, k) => {
-    return fixOf(mean && likeness(mean, floorMap), floorMap, locate, (edgesS[k] + edgesS[k + 1]) / 2);
+    return fixOf(mean && similarity(mean, floorMap), floorMap, locate, (edgesS[k] + edgesS[k + 1]) / 2);
   });
 }
 
@@ -57,7 +57,7 @@ for (const folder of SCENES) {
   test(`scores at ${stages.rate_hz} Hz are Python's`, () => {
     for (let k = 0; k < means.length / 128; k += 1) {
       if (Number.isNaN(meanAt(k)[0])) continue;
-      assertNear(likeness(meanAt(k), floorMap), scores.subarray(spots * k, spots * (k + 1)), 1e-5, `scores ${k}`);
+      assertNear(similarity(meanAt(k), floorMap), scores.subarray(spots * k, spots * (k + 1)), 1e-5, `scores ${k}`);
     }
   });
 

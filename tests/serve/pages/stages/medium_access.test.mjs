@@ -4,9 +4,10 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
-import { NOTHING_HEARD, hearSlot } from "../../../../src/elfslam/serve/pages/stages/listening.js";
+import { NOTHING_HEARD, hearSlot } from "../../../../src/elfslam/serve/pages/stages/hearing.js";
 import { isSpoiled, lookAt, makeSpoiled } from "../../../../src/elfslam/serve/pages/stages/spoiled.js";
-import { MEDIUM_ACCESS, afterSlot, isPlayed, initialSchedule } from "../../../../src/elfslam/serve/pages/stages/medium_access.js";
+import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/stages/constants.js";
+import { afterSlot, isPlayed, initialSchedule } from "../../../../src/elfslam/serve/pages/stages/medium_access.js";
 
 const vectors = JSON.parse(readFileSync(process.env.ELFSLAM_VECTORS, "utf8"));
 

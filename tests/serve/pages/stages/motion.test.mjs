@@ -4,13 +4,14 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
-import { bounceRms, footfalls, verticalBounce } from "../../../../src/elfslam/serve/pages/stages/motion/footsteps.js";
-import { phoneTurn, smoothHeading } from "../../../../src/elfslam/serve/pages/stages/motion/heading.js";
-import { lengthsBetween } from "../../../../src/elfslam/serve/pages/stages/motion/lengths.js";
-import { makeFootsteps, notGiven, restKept } from "../../../../src/elfslam/serve/pages/stages/motion/live.js";
+import {
+  bounceRms, findPeaks, footfalls, verticalBounce,
+} from "../../../../src/elfslam/serve/pages/stages/motion/footsteps.js";
+import {
+  lengthsBetween, makeFootsteps, notGiven, phoneTurn, restKept, smoothHeading,
+} from "../../../../src/elfslam/serve/pages/stages/motion/live.js";
 import { inRunsOf, level } from "../../../../src/elfslam/serve/pages/stages/motion/level.js";
-import { findPeaks } from "../../../../src/elfslam/serve/pages/stages/motion/peaks.js";
-import { columnsOf, roundHalfEven, wrapAngle } from "../../../../src/elfslam/serve/pages/stages/motion/series.js";
+import { columnsOf, roundHalfEven, wrapAngle } from "../../../../src/elfslam/serve/pages/stages/motion/filters.js";
 
 const { parameters, walks, live, peaks } = JSON.parse(readFileSync(process.env.ELFSLAM_VECTORS));
 

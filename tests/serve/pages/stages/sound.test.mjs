@@ -8,7 +8,7 @@ import { test } from "node:test";
 
 import { makeChirp } from "../../../../src/elfslam/serve/pages/stages/chirp.js";
 import { makeEchoCutter } from "../../../../src/elfslam/serve/pages/stages/echo.js";
-import { atEchoRate, makeEnvelope } from "../../../../src/elfslam/serve/pages/stages/echo_envelope.js";
+import { atEchoRate, makeEnvelope } from "../../../../src/elfslam/serve/pages/stages/matched_filter.js";
 import { makeResampler } from "../../../../src/elfslam/serve/pages/stages/resample.js";
 import { assertNear, assertSameFacts, concatenated, cutAll, floats, heardAll, makeRandom, plantedSound, streamed, told } from "./vectors.mjs";
 

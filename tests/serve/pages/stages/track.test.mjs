@@ -5,9 +5,8 @@ import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
 import { makeTracker } from "../../../../src/elfslam/serve/pages/stages/track.js";
-import { densest } from "../../../../src/elfslam/serve/pages/stages/tracking/cloud.js";
-import { nearestIn, treeOf } from "../../../../src/elfslam/serve/pages/stages/tracking/nearest.js";
-import { makeRandom } from "../../../../src/elfslam/serve/pages/stages/tracking/random.js";
+import { densest, makeRandom } from "../../../../src/elfslam/serve/pages/stages/particles.js";
+import { nearestIn, treeOf } from "../../../../src/elfslam/serve/pages/stages/nearest.js";
 
 const { walks, nearest } = JSON.parse(readFileSync(process.env.ELFSLAM_VECTORS));
 const WITHIN = 1e-6;

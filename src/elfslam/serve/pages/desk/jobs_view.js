@@ -1,15 +1,14 @@
 // The jobs: what the server is doing, and what went wrong.
 
-import { askJson } from "./api.js";
+import { requestJson } from "../shared/api.js";
 import { orSay } from "./dialogs.js";
 import { h } from "../shared/dom.js";
-import { missingWords } from "../shared/missing.js";
-import { stageWords } from "../shared/stages.js";
-import { matching, sorted } from "./finding.js";
-import { formatAgo, formatDuration, formatShare, secondsBetween } from "./format.js";
-import { cell, emptyPage, headOf, iconButton, rowHead, stateCell, tableOf } from "./parts.js";
+import { missingWords, stageWords } from "../shared/job_words.js";
+import {
+  cell, emptyPage, headOf, iconButton, matching, nothingFound, rowHead, sorted, stateCell, tableOf, toolbarOf,
+} from "./lists.js";
+import { formatAgo, formatDuration, formatShare, secondsBetween } from "../shared/format.js";
 import { isOpen, jobTitle } from "./store.js";
-import { nothingFound, toolbarOf } from "./toolbar.js";
 import { counted, t, translated } from "../shared/words.js";
 
 /** @typedef {import("./store.js").Job} Job */
@@ -84,7 +83,7 @@ export function stateOfJob(job) {
 /** @param {Desk} desk */
 export function jobActions(desk) {
   const send = (/** @type {string} */ verb) => async (/** @type {string} */ id) => {
-    await orSay(() => askJson(`/api/jobs/${encodeURIComponent(id)}/${verb}`, { method: "POST" }));
+    await orSay(() => requestJson(`/api/jobs/${encodeURIComponent(id)}/${verb}`, { method: "POST" }));
     await desk.now();
   };
   return { cancel: send("cancel"), retry: send("retry") };

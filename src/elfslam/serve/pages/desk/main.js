@@ -1,26 +1,19 @@
 // The desk page: who is here, which page of it is open, and what it shows.
 
-import { askJson } from "./api.js";
-import { onDrop, uploader } from "./uploads.js";
+import { Problem, linkIn, openLink, requestJson, secretIn } from "../shared/api.js";
+import { h, morph, onActions, one } from "../shared/dom.js";
+import { languageChoice, t } from "../shared/words.js";
 import { orSay } from "./dialogs.js";
-import { blankPage, showDoor, showWho } from "./door.js";
-import { firstOrder, forgetGone } from "./finding.js";
-import { openGuest } from "./guest.js";
-import { h, morph, one, onActions } from "../shared/dom.js";
 import { jobActions, jobsView } from "./jobs_view.js";
-import { mapActions, mapsView } from "./maps_view.js";
+import { choosing, firstOrder, forgetGone, tickBoxes } from "./lists.js";
 import { openMap } from "./map_page.js";
-import { openRecording } from "./recording/page.js";
+import { mapActions, mapsView } from "./maps_view.js";
+import { openRecording } from "./recording_page.js";
 import { recordingActions, recordingsView } from "./recordings_view.js";
-import { pageOf } from "./routes.js";
-import { whoIsHere } from "./session.js";
-import { Problem, secretIn } from "../shared/api.js";
-import { languageChoice } from "../shared/language_choice.js";
-import { linkIn, openLink } from "../shared/links.js";
-import { isOpen, keepKnown } from "./store.js";
-import { choosing, tickBoxes } from "./toolbar.js";
+import { blankPage, pageOf, showDoor, showWho, whoIsHere } from "./session.js";
+import { isOpen, keepKnown, poll } from "./store.js";
+import { onDrop, uploader } from "./uploads.js";
 import { userActions, usersView } from "./users_view.js";
-import { t } from "../shared/words.js";
 
 /**
  * @typedef {object} Desk what every page of the desk can use
@@ -28,7 +21,7 @@ import { t } from "../shared/words.js";
  * @property {import("./store.js").Known} known
  * @property {ReturnType<typeof uploader> | null} uploads
  * @property {Set<string>} chosen rows of lists
- * @property {Record<string, import("./finding.js").Order>} orders of lists
+ * @property {Record<string, import("./lists.js").Order>} orders of lists
  * @property {import("./users_view.js").User[]} users
  * @property {() => Promise<void>} now ask the server again
  * @property {() => void} render
@@ -36,7 +29,8 @@ import { t } from "../shared/words.js";
  */
 
 /** @typedef {{changed: () => void, receive: (files: File[]) => boolean, leave: () => void}} Opened a page that
- * looks after itself; `receive` takes dropped files, or does not want them */
+ * looks after itself; `receive` takes dropped files, or does not want them
+ */
 
 const VIEWS = { recordings: recordingsView, jobs: jobsView, maps: mapsView, users: usersView };
 const ACTIONS = { recordings: recordingActions, jobs: jobActions, maps: mapActions, users: userActions };
@@ -82,7 +76,7 @@ function openDesk(me) {
 
   async function loadUsers() {
     await orSay(async () => {
-      desk.users = await askJson("/api/users");
+      desk.users = await requestJson("/api/users");
     });
   }
 
@@ -217,3 +211,41 @@ async function start() {
 }
 
 void start();
+
+// A map that was shared by link, for who has no account: the map, and nothing else of the desk.
+
+/** Knows nothing but what it is told. @type {Desk} */
+const DESK = {
+  me: null,
+  known: { recordings: [], jobs: [], maps: [], loaded: false },
+  uploads: null,
+  chosen: new Set(),
+  orders: {},
+  users: [],
+  now: async () => {},
+  render: () => {},
+  nowMs: () => Date.now(),
+};
+
+/** @param {string} link what the address has behind `#link=` */
+async function openGuest(link) {
+  const main = one("main");
+  one("nav").hidden = true;
+  one("#who").replaceChildren(...one("#foot").childNodes); // beside a map the foot is not seen
+  document.body.dataset.page = "map";
+  document.title = t("Map · elfslam");
+  try {
+    const { map: id, name } = await openLink(link);
+    document.title = `${name} · elfslam`;
+    const page = await openMap(DESK, id, main, () => true);
+    const look = async () => {
+      page?.changed();
+      return false;
+    };
+    void poll(look, () => {}).now();
+  } catch (problem) {
+    document.body.dataset.page = "gone";
+    main.replaceChildren(blankPage(t("This link opens nothing"), problem instanceof Error ? problem.message : String(problem),
+      h("button", { type: "button", class: "button", click: () => location.reload() }, t("Try again"))));
+  }
+}

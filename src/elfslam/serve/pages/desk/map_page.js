@@ -1,30 +1,25 @@
 // One map: the viewer, and beside it all that can be switched, placed, located and taken away.
 
-import { ask, askJson, Problem } from "./api.js";
-import { askToLocate, askToMap } from "./asking.js";
-import { orSay, say } from "./dialogs.js";
-import { blankPage } from "./door.js";
-import { h } from "../shared/dom.js";
+import { Problem, request, requestJson } from "../shared/api.js";
+import { h, icon } from "../shared/dom.js";
+import { formatMetres, formatNumber, withoutMarks } from "../shared/format.js";
+import { stageWords } from "../shared/job_words.js";
 import { placeOf } from "../shared/places.js";
-import { downloadsOf } from "./downloads.js";
-import { formatMetres } from "./format.js";
-import { icon } from "../shared/icons.js";
-import { livePart } from "./live_part.js";
-import { deleteMap, factsOf } from "./maps_view.js";
-import { meetingPart } from "./meeting.js";
+import { counted, t, translated } from "../shared/words.js";
+import { askToLocate, askToMap, orSay, say } from "./dialogs.js";
+import { deleteMap, downloadsOf, factsOf } from "./maps_view.js";
 import { programsPart } from "./other_programs.js";
-import { keptOf, recordedPart } from "./recorded.js";
-import { mountCanvas } from "./viewer/canvas.js";
 import { renameMap } from "./renaming.js";
-import { sharedWords, shareMap } from "./sharing.js";
-import { parseFixes } from "./viewer/fixes.js";
-import { legendOf } from "./viewer/legend.js";
-import { layerPart, locatedPart, part, walkPart } from "./viewer/panel.js";
+import { blankPage } from "./session.js";
+import { shareMap, sharedWords } from "./sharing.js";
+import { keptOf, recordedPart } from "./timeline.js";
+import { mountCanvas } from "./viewer/canvas.js";
+import { livePart } from "./viewer/live.js";
+import { layerPart, legendOf, locatedPart, part, walkPart } from "./viewer/panel.js";
 import { planOf, planType } from "./viewer/plan_panel.js";
 import { pointsOf } from "./viewer/points_part.js";
 import { sceneOf } from "./viewer/scene.js";
-import { firstState } from "./viewer/state.js";
-import { counted, t } from "../shared/words.js";
+import { firstState, parseFixes } from "./viewer/state.js";
 
 /** @typedef {import("./main.js").Desk} Desk */
 /** @typedef {import("./store.js").Map_} Map_ */
@@ -41,7 +36,7 @@ const MODES = { "one-shot": t("one-shot"), trajectory: t("trajectory"), track: t
  */
 export async function openMap(desk, id, root, isWanted) {
   const path = `/api/maps/${encodeURIComponent(id)}`;
-  const [first, view] = await Promise.all([askJson(path), askJson(`${path}/view`)]);
+  const [first, view] = await Promise.all([requestJson(path), requestJson(`${path}/view`)]);
   if (!isWanted()) return null;
   /** @type {Map_} */
   let map = first;
@@ -110,7 +105,7 @@ export async function openMap(desk, id, root, isWanted) {
   async function look() {
     if (isGone || !isWanted()) return;
     try {
-      const now = /** @type {Map_} */ (desk.known.maps.find((each) => each.id === id) ?? (await askJson(path)));
+      const now = /** @type {Map_} */ (desk.known.maps.find((each) => each.id === id) ?? (await requestJson(path)));
       const [isSame, mayOther] = [headFacts(now) === headFacts(map), now.right !== map.right];
       map = now;
       if (isSame || isGone) return;
@@ -214,7 +209,7 @@ async function locateHere(desk, map) {
   if (ready.length === 0) return say(t("There is no recording to locate; record another walk first."), "problem");
   const job = await askToLocate(ready, [map]);
   if (!job) return undefined;
-  const well = await orSay(() => askJson("/api/jobs", { method: "POST", json: job }));
+  const well = await orSay(() => requestJson("/api/jobs", { method: "POST", json: job }));
   if (well) say(t("It shows up here as soon as it is located."));
   return desk.now();
 }
@@ -228,7 +223,7 @@ function recordingOf(desk, { kind, sources }) {
 async function mapAgain(desk, map, recording) {
   const job = recording && (await askToMap(recording, keptOf(map.facts)));
   if (!job) return undefined;
-  const well = await orSay(() => askJson("/api/jobs", { method: "POST", json: job }));
+  const well = await orSay(() => requestJson("/api/jobs", { method: "POST", json: job }));
   if (well) say(t("Another map of {{name}} is being made; this one stays.", { name: map.name }));
   return desk.now();
 }
@@ -240,11 +235,31 @@ async function loadLocated(desk, id, seen, state, fillPanel) {
   for (const job of jobs) {
     seen.add(job.id);
     await orSay(async () => {
-      const answer = await ask(`/api/jobs/${encodeURIComponent(job.id)}/fixes.csv`);
+      const answer = await request(`/api/jobs/${encodeURIComponent(job.id)}/fixes.csv`);
       const name = desk.known.recordings.find((recording) => recording.id === job.given.recording)?.name ?? t("a deleted recording");
       const mode = job.given.mode ? ` (${MODES[job.given.mode] ?? job.given.mode})` : "";
       state.located.push({ id: job.id, name: `${name}${mode}`, fixes: parseFixes(await answer.text()), shown: state.located.length === 0 });
     });
   }
   if (jobs.length > 0) fillPanel();
+}
+
+// How the walks of a floor map fit together: which share places, and which were refused.
+
+/** @typedef {{one: string, other: string, places: number, resemblance: number | null, outcome: string}} Pair */
+
+/** Nothing for the map of a single walk. @param {import("./store.js").Map_} map @returns {any[]} */
+function meetingPart({ facts }) {
+  const pairs = /** @type {Pair[]} */ (Array.isArray(facts?.pairs) ? facts.pairs : []);
+  const refused = Object.entries(facts?.refused ?? {});
+  if (pairs.length === 0 && refused.length === 0) return [];
+  const names = [...new Set([...pairs.flatMap(({ one, other }) => [one, other]), ...refused.map(([name]) => name)])];
+  const shown = withoutMarks(names);
+  const head = [t("Walks"), t("Places"), t("Similarity"), t("Outcome")].map((name) => h("th", { scope: "col" }, name));
+  const rows = pairs.map(({ one, other, places, resemblance, outcome }) => h("tr", null,
+    h("th", { scope: "row" }, t("{{one}} and {{other}}", { one: String(shown.get(one)), other: String(shown.get(other)) })), h("td", null, String(places)),
+    h("td", null, Number.isFinite(resemblance) ? formatNumber(Number(resemblance), 2) : "–"), h("td", null, stageWords(outcome))));
+  return [part(t("How the walks fit together"), [
+    h("div", { class: "scroll" }, h("table", { class: "meetings", "aria-label": t("How the walks fit together") }, h("thead", null, h("tr", null, head)), h("tbody", null, rows))),
+    refused.map(([name, why]) => h("p", { class: "problem" }, `${shown.get(name)}: ${translated(why)}`))])];
 }

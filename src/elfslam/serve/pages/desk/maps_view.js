@@ -1,20 +1,18 @@
 // The maps, by venue and floor: of single walks, and of floors that were merged from them; one's own and shared ones.
 
-import { ask, askJson } from "./api.js";
-import { askToMerge } from "./asking.js";
-import { confirmDelete, orSay, say, showPerson } from "./dialogs.js";
-import { downloadsOf } from "./downloads.js";
-import { h } from "../shared/dom.js";
+import { download, request, requestJson } from "../shared/api.js";
+import { h, icon } from "../shared/dom.js";
+import { fileName, formatAgo, formatCount, formatMetres } from "../shared/format.js";
 import { grouped } from "../shared/places.js";
-import { chosenOf, matching, sorted } from "./finding.js";
-import { formatAgo, formatCount, formatMetres } from "./format.js";
-import { icon } from "../shared/icons.js";
-import { cell, emptyPage, headOf, iconButton, lengthCell, rowHead, tableInGroups } from "./parts.js";
-import { keptOf } from "./recorded.js";
-import { renameMap, renamePlace } from "./renaming.js";
-import { leaveMap, ownerBadge, sharedWords, shareMap } from "./sharing.js";
-import { chooseCell, deleteChosen, nothingFound, toolbarOf } from "./toolbar.js";
 import { counted, t } from "../shared/words.js";
+import { askToMerge, confirmDelete, orSay, say, showPerson } from "./dialogs.js";
+import {
+  cell, chooseCell, chosenOf, deleteChosen, emptyPage, headOf, iconButton, lengthCell, matching, nothingFound,
+  rowHead, sorted, tableInGroups, toolbarOf,
+} from "./lists.js";
+import { renameMap, renamePlace } from "./renaming.js";
+import { leaveMap, ownerBadge, shareMap, sharedWords } from "./sharing.js";
+import { keptOf } from "./timeline.js";
 
 /** @typedef {import("./store.js").Map_} Map_ */
 /** @typedef {import("./main.js").Desk} Desk */
@@ -38,7 +36,7 @@ export function mapsView({ known, chosen, orders, nowMs }) {
         : emptyPage(known, "map", t("No maps yet"), t("A recording becomes a map as soon as it has arrived.")));
 }
 
-/** @param {Map_[]} maps @param {import("./finding.js").Order} order */
+/** @param {Map_[]} maps @param {import("./lists.js").Order} order */
 function shownMaps(maps, { find, by }) {
   const found = matching(maps, find, ({ name, venue, floor, owner, right }) => [name, venue, floor, right === "own" ? "" : owner]);
   return sorted(found, by, (map) => factsOf(map).distance_m);
@@ -112,7 +110,7 @@ export function mapActions(desk) {
     async merge() {
       const job = await askToMerge(chosen().filter(({ right }) => right !== "read"));
       if (!job) return;
-      const well = await orSay(() => askJson("/api/jobs", { method: "POST", json: job }));
+      const well = await orSay(() => requestJson("/api/jobs", { method: "POST", json: job }));
       if (well) {
         desk.chosen.clear();
         say(t("The maps are being merged; see Jobs."));
@@ -136,7 +134,7 @@ export function mapActions(desk) {
     async "delete-chosen"() {
       const maps = chosen().filter(({ right }) => right === "own");
       if (!(await confirmDelete(counted(maps.length, "{{count}} map", "{{count}} maps"), GONE, maps.map(({ name }) => name)))) return;
-      await orSay(() => askJson("/api/maps/delete", { method: "POST", json: { ids: maps.map(({ id }) => id) } }));
+      await orSay(() => requestJson("/api/maps/delete", { method: "POST", json: { ids: maps.map(({ id }) => id) } }));
       await desk.now();
     },
   };
@@ -145,5 +143,90 @@ export function mapActions(desk) {
 /** @param {Map_} map @returns {Promise<boolean>} whether it is gone */
 export async function deleteMap(map) {
   if (!(await confirmDelete(map.name, GONE))) return false;
-  return orSay(() => ask(`/api/maps/${encodeURIComponent(map.id)}`, { method: "DELETE" }));
+  return orSay(() => request(`/api/maps/${encodeURIComponent(map.id)}`, { method: "DELETE" }));
+}
+
+// What a map can be taken away as. What it does not hold is refused in the server's own words.
+
+/** What each format is for. @type {Record<string, string>} */
+const WORDS = {
+  tum: t("TUM trajectory: a pose per line, for evo and other tools"),
+  g2o: t("g2o pose graph: steps and closures, for other optimisers"),
+  onnx: t("ONNX encoder: what others are located by"),
+  geojson: t("GeoJSON: walks, spots and coverage on the Earth"),
+  imdf: t("IMDF: the walked ground as a unit of a venue"),
+  ros: t("ROS map: the walked ground as an image, for robots"),
+  parquet: t("Parquet: the spots as a table"),
+};
+
+/** Formats that lie on the Earth. */
+const PLACED = ["geojson", "imdf"];
+const KEPT = "elfslam-export-";
+
+/** What IMDF asks for beside the origin. @type {[string, string, string][]} */
+const VENUE = [
+  ["name", t("Venue"), ""], ["category", t("Category"), "businesscampus"], ["address", t("Address"), ""], ["locality", t("Town"), ""],
+  ["country", t("Country, such as CH"), ""], ["level", t("Name of the level"), t("Ground floor")], ["ordinal", t("Level, 0 at the ground"), "0"],
+];
+
+/** What a format is asked for with: what was filled in. @param {string} format @param {Map<string, HTMLInputElement>} inputs */
+export function queryOf(format, inputs) {
+  const names = format === "imdf" ? ["origin", ...VENUE.map(([name]) => name)] : format === "geojson" ? ["origin"] : [];
+  const given = names.map((name) => [name, inputs.get(name)?.value.trim() ?? ""]).filter(([, value]) => value !== "");
+  return given.length > 0 ? `?${new URLSearchParams(given)}` : "";
+}
+
+/** What a map knows of the venue itself. @param {{venue?: string | null, floor?: string | null, level?: number | null}} map
+ * @returns {Record<string, string>} */
+export function venueOf({ venue, floor, level }) {
+  const known = { name: venue, level: floor, ordinal: level };
+  return Object.fromEntries(Object.entries(known).filter(([, told]) => told !== null && told !== undefined).map(([name, told]) => [name, String(told)]));
+}
+
+/** Everything of one map, ready for a dialog or a panel.
+ * @param {{id: string, name: string, venue?: string | null, floor?: string | null, level?: number | null}} map */
+export async function downloadsOf(map) {
+  const path = `/api/maps/${encodeURIComponent(map.id)}`;
+  /** @type {string[]} */
+  const formats = await requestJson(`${path}/exports`);
+  const known = venueOf(map);
+  const inputs = new Map([["origin", keptInput("origin", "", undefined, "47.3769,8.5417,90")],
+    ...VENUE.map(([name, , value]) => /** @type {[string, HTMLInputElement]} */ ([name, keptInput(name, value, known[name])]))]);
+  return h("div", { class: "downloads" },
+    h("div", { class: "row" },
+      h("a", { class: "button", href: `${path}/report.html`, target: "_blank", rel: "noopener" }, icon("report"), t("Report")),
+      h("a", { class: "button", href: `${path}/map.zip`, download: `${fileName(map.name)}.zip` }, icon("download"), t("Whole folder"))),
+    h("ul", { class: "exports" }, formats.map((format) => exportLine(map, path, format, inputs))),
+    formats.some((format) => PLACED.includes(format)) && h("label", { class: "field" },
+      h("span", null, t("Where on the Earth")), inputs.get("origin"),
+      h("small", null, t("Latitude, longitude and bearing of the map's x axis; GeoJSON and IMDF ask for it where the map has no place on the Earth."))),
+    formats.includes("imdf") && h("details", null, h("summary", null, t("About the venue, for IMDF")),
+      h("div", { class: "fields two" }, VENUE.map(([name, words]) => h("label", { class: "field" }, h("span", null, words), inputs.get(name))))));
+}
+
+/** A field that remembers, as long as the tab is open; what the map knows comes first. @param {string} name
+ * @param {string} value @param {string} [known] @param {string} [placeholder] @returns {HTMLInputElement} */
+function keptInput(name, value, known, placeholder) {
+  const input = h("input", { name, placeholder, autocomplete: "off", spellcheck: "false" });
+  input.value = known ?? sessionStorage.getItem(KEPT + name) ?? value;
+  input.addEventListener("change", () => sessionStorage.setItem(KEPT + name, input.value.trim()));
+  return input;
+}
+
+/** @param {{id: string, name: string}} map @param {string} path @param {string} format
+ * @param {Map<string, HTMLInputElement>} inputs */
+function exportLine(map, path, format, inputs) {
+  const refusal = h("p", { class: "problem", role: "status" });
+  const button = h("button", { type: "button", class: "button small", "data-format": format, "aria-label": t("Download as {{format}}", { format }) }, icon("download"), format);
+  button.addEventListener("click", async () => {
+    refusal.textContent = "";
+    button.setAttribute("aria-busy", "true");
+    try {
+      await download(`${path}/exports/${encodeURIComponent(format)}${queryOf(format, inputs)}`, `${fileName(map.name)}.${format}`);
+    } catch (problem) {
+      refusal.textContent = problem instanceof Error ? problem.message : String(problem);
+    }
+    button.removeAttribute("aria-busy");
+  });
+  return h("li", null, button, h("div", null, h("span", null, WORDS[format] ?? ""), refusal));
 }

@@ -1,12 +1,11 @@
 // For other programs: where on the Earth a map lies, and the webhooks to which positions in it are posted.
 
-import { ask, askJson } from "./api.js";
-import { addressField } from "./codes.js";
+import { request, requestJson } from "../shared/api.js";
+import { addressField } from "./session.js";
 import { confirmDelete, orSay, showPerson } from "./dialogs.js";
-import { h } from "../shared/dom.js";
+import { h, icon } from "../shared/dom.js";
 import { formatNumber } from "../shared/format.js";
-import { icon } from "../shared/icons.js";
-import { smallButton } from "./parts.js";
+import { smallButton } from "./lists.js";
 import { part } from "./viewer/panel.js";
 import { counted, t, translated } from "../shared/words.js";
 
@@ -57,12 +56,12 @@ function earthForm(path) {
       return;
     }
     const well = await orSay(async () => {
-      const now = await askJson(`${path}/positions/settings`);
-      show(await askJson(`${path}/positions/settings`, { method: "PUT", json: { ...now, origin } }));
+      const now = await requestJson(`${path}/positions/settings`);
+      show(await requestJson(`${path}/positions/settings`, { method: "PUT", json: { ...now, origin } }));
     });
     status.textContent = well ? t("Saved") : t("Not saved; try again");
   });
-  void orSay(async () => show(await askJson(`${path}/positions/settings`)));
+  void orSay(async () => show(await requestJson(`${path}/positions/settings`)));
   return form;
 }
 
@@ -76,7 +75,7 @@ function webhooks(path) {
 
   async function load() {
     /** @type {Webhook[]} */
-    const hooks = await askJson(`${path}/webhooks`);
+    const hooks = await requestJson(`${path}/webhooks`);
     list.replaceChildren(...hooks.map(row));
     list.hidden = hooks.length === 0;
   }
@@ -92,7 +91,7 @@ function webhooks(path) {
   async function remove(id, to) {
     if (!(await confirmDelete(to, t("Positions are posted there no more.")))) return;
     await orSay(async () => {
-      await ask(`${path}/webhooks/${encodeURIComponent(id)}`, { method: "DELETE" });
+      await request(`${path}/webhooks/${encodeURIComponent(id)}`, { method: "DELETE" });
       await load();
     });
   }
@@ -100,7 +99,7 @@ function webhooks(path) {
   form.addEventListener("submit", (/** @type {Event} */ event) => {
     event.preventDefault();
     void orSay(async () => {
-      const made = await askJson(`${path}/webhooks`, { method: "POST", json: { url: url.value.trim() } });
+      const made = await requestJson(`${path}/webhooks`, { method: "POST", json: { url: url.value.trim() } });
       url.value = "";
       await load();
       await showPerson(t("The secret of this webhook"), [h("p", null, t("Every message is signed with it. It is shown once; give it to the program that receives.")), ...addressField(made.secret, t("Secret"))]);

@@ -1,18 +1,17 @@
 // The recordings: what has come, what became of it.
 
-import { ask, askJson } from "./api.js";
-import { askToLocate, askToMap } from "./asking.js";
-import { confirmDelete, orSay, say } from "./dialogs.js";
-import { h } from "../shared/dom.js";
-import { chosenOf, matching, sorted } from "./finding.js";
-import { fileName, formatAgo, formatBytes, formatDuration } from "./format.js";
-import { icon } from "../shared/icons.js";
+import { request, requestJson } from "../shared/api.js";
+import { askToLocate, askToMap, confirmDelete, orSay, say } from "./dialogs.js";
+import { h, icon } from "../shared/dom.js";
+import {
+  cell, chooseCell, chosenOf, deleteChosen, emptyPage, headOf, iconButton, lengthCell, matching, nothingFound,
+  rowHead, sorted, stateCell, tableOf, toolbarOf,
+} from "./lists.js";
+import { fileName, formatAgo, formatBytes, formatDuration } from "../shared/format.js";
 import { stateOfJob } from "./jobs_view.js";
 import { ENDINGS } from "./uploads.js";
-import { cell, emptyPage, headOf, iconButton, lengthCell, rowHead, stateCell, tableOf } from "./parts.js";
 import { renameRecording } from "./renaming.js";
 import { isOpen, mappingOf } from "./store.js";
-import { chooseCell, deleteChosen, nothingFound, toolbarOf } from "./toolbar.js";
 import { counted, t, translated, woven } from "../shared/words.js";
 
 /** @typedef {import("./store.js").Known} Known */
@@ -36,7 +35,7 @@ export function recordingsView({ known, uploads, chosen, orders, nowMs }) {
     rows.length > 0 ? tableOf(t("Recordings"), COLUMNS, rows) : all > 0 ? nothingFound(order.find) : nothing(known));
 }
 
-/** @param {Recording[]} recordings @param {import("./finding.js").Order} order */
+/** @param {Recording[]} recordings @param {import("./lists.js").Order} order */
 function shownRecordings(recordings, { find, by }) {
   return sorted(matching(recordings, find, ({ name, device }) => [name, device]), by, ({ facts }) => facts?.duration_s);
 }
@@ -126,7 +125,7 @@ export function recordingActions(desk) {
       const recordings = chosenOf(shownRecordings(desk.known.recordings, desk.orders.recordings), desk.chosen);
       const bytes = recordings.reduce((sum, recording) => sum + (bytesOf(recording) ?? 0), 0);
       if (!(await confirmDelete(counted(recordings.length, "{{count}} recording", "{{count}} recordings"), goneWords(bytes), recordings.map(({ name }) => name)))) return;
-      await orSay(() => askJson("/api/recordings/delete", { method: "POST", json: { ids: recordings.map(({ id }) => id) } }));
+      await orSay(() => requestJson("/api/recordings/delete", { method: "POST", json: { ids: recordings.map(({ id }) => id) } }));
       await desk.now();
     },
     "stop-upload": (/** @type {string} */ id) => desk.uploads?.stop(id),
@@ -138,7 +137,7 @@ export function recordingActions(desk) {
 async function post(desk, job, words) {
   if (!job) return;
   await orSay(async () => {
-    await askJson("/api/jobs", { method: "POST", json: job });
+    await requestJson("/api/jobs", { method: "POST", json: job });
     say(words);
   });
   await desk.now();
@@ -152,7 +151,7 @@ export async function mapRecording(desk, recording) {
 /** @param {Desk} desk @param {Recording} recording @returns {Promise<boolean>} whether it is gone */
 export async function deleteRecording(desk, recording) {
   if (!(await confirmDelete(recording.name, goneWords(bytesOf(recording))))) return false;
-  const gone = await orSay(() => ask(`/api/recordings/${encodeURIComponent(recording.id)}`, { method: "DELETE" }));
+  const gone = await orSay(() => request(`/api/recordings/${encodeURIComponent(recording.id)}`, { method: "DELETE" }));
   await desk.now();
   return gone;
 }

@@ -1,8 +1,7 @@
 // New names: of recordings, of maps and where they lie, of venues and floors, of oneself.
 
-import { askJson } from "./api.js";
-import { field } from "./asking.js";
-import { askPerson, orSay } from "./dialogs.js";
+import { requestJson } from "../shared/api.js";
+import { askPerson, field, orSay } from "./dialogs.js";
 import { h } from "../shared/dom.js";
 import { byName, placeOf } from "../shared/places.js";
 import { t } from "../shared/words.js";
@@ -20,7 +19,7 @@ function nameField(words, name, value, more = {}) {
  * method?: string, json: (answer: FormData) => unknown}} question */
 async function change({ title, body, path, method = "PATCH", json }) {
   const answer = await askPerson({ title, body, submit: t("Save") });
-  return answer !== null && orSay(() => askJson(path, { method, json: json(answer) }));
+  return answer !== null && orSay(() => requestJson(path, { method, json: json(answer) }));
 }
 
 /** @param {FormData} answer @param {string} name */

@@ -1,8 +1,12 @@
 // Who is here: the token of the address becomes a cookie, and leaves the address.
 
-import { ask, askJson, Problem } from "./api.js";
-import { forgetHere } from "../keeping/pairing.js";
-import { openSession } from "../shared/api.js";
+import { forgetHere } from "../keeping/store.js";
+import { Problem, linkIn, openSession, pairWith, request, requestJson } from "../shared/api.js";
+import { h, icon, one, svg } from "../shared/dom.js";
+import { t, woven } from "../shared/words.js";
+import { qrcode } from "../vendor/qrcode-generator/qrcode.mjs";
+import { orSay, say, showPerson } from "./dialogs.js";
+import { renameMe } from "./renaming.js";
 
 /** @typedef {{id: string, name: string, is_owner: boolean, used_bytes: number, limits: any}} Me */
 
@@ -13,7 +17,7 @@ import { openSession } from "../shared/api.js";
 export async function whoIsHere() {
   try {
     await openSession(location, history);
-    return await askJson("/api/me");
+    return await requestJson("/api/me");
   } catch (problem) {
     if (problem instanceof Problem && problem.status === 401) return null;
     throw problem;
@@ -21,7 +25,124 @@ export async function whoIsHere() {
 }
 
 /** Forget the maps that this browser keeps, and its session: the page leaves as soon as that is gone. */
-export async function signOut() {
+async function signOut() {
   await forgetHere();
-  await ask("/api/session", { method: "DELETE" });
+  await request("/api/session", { method: "DELETE" });
+}
+
+// Who is here: their name and what they can do in the bar; and what nobody knows sees.
+
+/** @param {Me} me */
+export function showWho(me) {
+  const name = h("button", { type: "button", class: "button small quiet name", title: t("Change your name"), click: async () => {
+    if (await renameMe(me.name)) location.reload();
+  } }, me.name);
+  one("#who").replaceChildren(h("a", { class: "button icon", href: "./", "aria-label": t("Walk with this device"), title: t("Walk with this device") }, icon("phone")),
+    name,
+    h("button", { type: "button", class: "button small quiet", click: () => void pairAnother() }, t("Pair a device")),
+    h("button", { type: "button", class: "button small quiet", click: async () => {
+    if (await orSay(signOut)) location.reload();
+  } }, t("Sign out")));
+  one("#nav-users").hidden = !me.is_owner;
+  one("nav").hidden = false;
+}
+
+/** Nobody is known: say how to come in. */
+export function showDoor() {
+  one("nav").hidden = true;
+  one("#who").replaceChildren();
+  const input = h("input", { name: "code", required: true, autocomplete: "off", spellcheck: "false", placeholder: "https://…/#token=…" });
+  const form = h("form", { class: "card" },
+    h("h1", null, t("This browser is not paired")),
+    h("p", null, woven("Open the address that {{command}} printed in its terminal, with all that follows the {{sign}}, or one that “Pair a device” shows on a desk that is paired.",
+      { command: h("code", null, "elfslam serve"), sign: h("code", null, "#") })),
+    h("label", { class: "field" }, h("span", null, t("Or paste it here")), input),
+    h("div", { class: "row" }, h("button", { type: "submit", class: "button primary" }, t("Pair"))));
+  form.addEventListener("submit", async (/** @type {Event} */ event) => {
+    event.preventDefault();
+    if (await orSay(() => pairWith(input.value))) location.reload();
+    else say(t("This code opens nothing here; copy it whole."), "problem");
+  });
+  document.body.dataset.page = "door";
+  one("main").replaceChildren(h("div", { class: "door" }, form));
+}
+
+/** In the place of a page that cannot be shown. @param {string} title @param {string} words @param {any} [next] a link
+ * or a button */
+export function blankPage(title, words, next) {
+  return h("div", { class: "empty" }, h("h1", { tabindex: "-1" }, title), h("p", null, words), next);
+}
+
+// QR codes of addresses that pair a device.
+
+const QUIET_MODULES = 4;
+
+/** Shows a code that pairs one more device with whoever is here. */
+async function pairAnother() {
+  await orSay(async () => {
+    const { url, expires_s: expires } = await requestJson("/api/pairing", { method: "POST" });
+    const what = t("Scan it with your other device, or open the address there, within {{minutes}} minutes. It works once.", { minutes: Math.round(expires / 60) });
+    await showPerson(t("Pair another device"), invitation(url, what));
+  });
+}
+
+/** What a dialog shows of an address that pairs. @param {string} url @param {string} what to do with it */
+export function invitation(url, what) {
+  return [h("p", null, what), codeOf(url), ...addressField(url)];
+}
+
+/** An address or another text, and what copies it. @param {string} text @param {string} [label] */
+export function addressField(text, label = t("Address")) {
+  const address = h("input", { readonly: true, value: text, "aria-label": label, name: "address" });
+  const copy = h("button", { type: "button", class: "button" }, icon("copy"), t("Copy it"));
+  copy.addEventListener("click", async () => {
+    address.select();
+    const well = await navigator.clipboard?.writeText(text).then(() => true, () => false);
+    say(well ? t("It is in the clipboard.") : t("It is selected; copy it with the keyboard."));
+  });
+  return [address, h("div", { class: "row" }, copy)];
+}
+
+/** @param {string} text @returns {SVGElement} a QR code, dark on white in any theme */
+export function codeOf(text) {
+  const code = qrcode(0, "M");
+  code.addData(text);
+  code.make();
+  const count = code.getModuleCount();
+  let path = "";
+  for (let row = 0; row < count; row += 1) {
+    for (let column = 0; column < count; column += 1) {
+      if (code.isDark(row, column)) path += `M${column + QUIET_MODULES} ${row + QUIET_MODULES}h1v1h-1z`;
+    }
+  }
+  const side = count + 2 * QUIET_MODULES;
+  return svg("svg", { viewBox: `0 0 ${side} ${side}`, class: "code", role: "img", "aria-label": t("QR code of the address"), "shape-rendering": "crispEdges" },
+    svg("rect", { width: side, height: side, fill: "#fff" }), svg("path", { d: path, fill: "#000" }));
+}
+
+// Which page an address means. Pure.
+
+/** @typedef {"recordings" | "jobs" | "maps" | "users" | "map" | "recording" | "shared" | "missing"} PageName */
+
+const LISTS = ["recordings", "jobs", "maps", "users"];
+
+/** @param {string} fragment such as #/maps/ID, or #link=… @returns {{name: PageName, id: string}} */
+export function pageOf(fragment) {
+  const link = linkIn(fragment);
+  if (link !== null) return { name: "shared", id: link };
+  const [name, id, ...more] = fragment.replace(/^#\/?/, "").split("/");
+  if (name === "" && !id) return { name: "recordings", id: "" };
+  if (name === "maps" && id && more.length === 0) return { name: "map", id: decoded(id) };
+  if (name === "recordings" && id && more.length === 0) return { name: "recording", id: decoded(id) };
+  if (LISTS.includes(name) && !id) return { name: /** @type {PageName} */ (name), id: "" };
+  return { name: "missing", id: "" };
+}
+
+/** @param {string} text */
+function decoded(text) {
+  try {
+    return decodeURIComponent(text);
+  } catch {
+    return text;
+  }
 }

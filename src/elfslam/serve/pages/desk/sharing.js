@@ -1,14 +1,12 @@
 // Sharing a map: with people of this server, with groups of them, and with everyone who has its link.
 
-import { ask, askJson } from "./api.js";
-import { addressField, codeOf } from "./codes.js";
-import { askPerson, orSay, showPerson } from "./dialogs.js";
-import { askGroup, deleteGroup, loadGroups, sizeOf } from "./groups.js";
-import { h } from "../shared/dom.js";
-import { icon } from "../shared/icons.js";
-import { smallButton } from "./parts.js";
+import { request, requestJson } from "../shared/api.js";
+import { h, icon } from "../shared/dom.js";
 import { byName } from "../shared/places.js";
 import { counted, t } from "../shared/words.js";
+import { askPerson, confirmDelete, field, orSay, showPerson } from "./dialogs.js";
+import { smallButton } from "./lists.js";
+import { addressField, codeOf } from "./session.js";
 
 /** @typedef {import("./store.js").Map_} Map_ */
 /** @typedef {"" | "read" | "edit"} May */
@@ -35,7 +33,7 @@ export function sharedWords({ right, shared_with: count, has_link: hasLink }) {
 export async function shareMap({ id, name }) {
   const path = `/api/maps/${encodeURIComponent(id)}`;
   await orSay(async () => {
-    const [people, groups, shares] = await Promise.all([askJson("/api/people"), loadGroups(), askJson(`${path}/shares`)]);
+    const [people, groups, shares] = await Promise.all([requestJson("/api/people"), loadGroups(), requestJson(`${path}/shares`)]);
     const status = h("p", { class: "soft saved", role: "status" });
     /** Sends a change; whether it went well. @param {() => Promise<unknown>} deed */
     const save = async (deed) => {
@@ -70,7 +68,7 @@ function peoplePart(path, people, shares, save) {
   const rows = people.map(({ id, name }) => {
     const address = `${path}/shares/${encodeURIComponent(id)}`;
     const set = (/** @type {May} */ may) => save(() => (may === ""
-      ? ask(address, { method: "DELETE" }) : askJson(address, { method: "PUT", json: { may } })));
+      ? request(address, { method: "DELETE" }) : requestJson(address, { method: "PUT", json: { may } })));
     return h("li", { "data-name": name.toLowerCase() }, h("span", null, name), mayField(t("What {{name}} may do", { name }), has.get(id) ?? "", t("No access"), set));
   });
   const search = h("input", { type: "search", placeholder: t("Search people"), "aria-label": t("Search people"), autocomplete: "off" });
@@ -85,7 +83,7 @@ function peoplePart(path, people, shares, save) {
 }
 
 /**
- * @param {string} path @param {import("./groups.js").Person[]} people @param {import("./groups.js").Group[]} groups
+ * @param {string} path @param {Person[]} people @param {Group[]} groups
  * @param {Shares} shares @param {(deed: () => Promise<unknown>) => Promise<boolean>} save
  */
 function groupPart(path, people, groups, shares, save) {
@@ -93,12 +91,12 @@ function groupPart(path, people, groups, shares, save) {
   const list = h("ul", { class: "people groups" });
   const known = new Map(groups.map((group) => [group.id, group]));
 
-  /** @param {import("./groups.js").Group} group */
+  /** @param {Group} group */
   function row(group) {
     const { id, name } = group;
     const address = `${path}/groups/${encodeURIComponent(id)}`;
     const set = async (/** @type {May} */ may) => {
-      const well = await save(() => (may === "" ? ask(address, { method: "DELETE" }) : askJson(address, { method: "PUT", json: { may } })));
+      const well = await save(() => (may === "" ? request(address, { method: "DELETE" }) : requestJson(address, { method: "PUT", json: { may } })));
       if (well) has.set(id, may);
       return well;
     };
@@ -112,7 +110,7 @@ function groupPart(path, people, groups, shares, save) {
     list.hidden = known.size === 0;
   }
 
-  /** @param {import("./groups.js").Group | null} group */
+  /** @param {Group | null} group */
   async function change(group) {
     const made = await askGroup(people, group);
     if (!made) return;
@@ -120,7 +118,7 @@ function groupPart(path, people, groups, shares, save) {
     show();
   }
 
-  /** @param {import("./groups.js").Group} group */
+  /** @param {Group} group */
   async function remove(group) {
     if (!(await deleteGroup(group))) return;
     known.delete(group.id);
@@ -144,8 +142,8 @@ function linkPart(path, shares, save) {
   const set = async (/** @type {May} */ may) => {
     if (may === "" && !(await confirmWithdrawal())) return false;
     return save(async () => {
-      if (may === "") await ask(`${path}/link`, { method: "DELETE" });
-      show(may === "" ? null : (await askJson(`${path}/link`, { method: "PUT", json: { may } })).link);
+      if (may === "") await request(`${path}/link`, { method: "DELETE" });
+      show(may === "" ? null : (await requestJson(`${path}/link`, { method: "PUT", json: { may } })).link);
     });
   };
   show(shares.link);
@@ -166,7 +164,55 @@ export async function leaveMap({ id, name, owner }) {
   const body = h("p", null, t("{{owner}} keeps the map, and can share it with you again. Where it is shared with a group that you are in, you leave the group.", { owner }));
   if ((await askPerson({ title: t("Take {{name}} off your list?", { name }), body, submit: t("Take it off"), danger: true, cancel: t("Keep it") })) === null) return false;
   return orSay(async () => {
-    const me = await askJson("/api/me");
-    await ask(`/api/maps/${encodeURIComponent(id)}/shares/${encodeURIComponent(me.id)}`, { method: "DELETE" });
+    const me = await requestJson("/api/me");
+    await request(`/api/maps/${encodeURIComponent(id)}/shares/${encodeURIComponent(me.id)}`, { method: "DELETE" });
   });
+}
+
+// Groups of people with whom maps are shared at once: a new one, who is in it, and its end.
+
+/** @typedef {{id: string, name: string}} Person */
+/** @typedef {{id: string, name: string, members: Person[]}} Group */
+
+const MOST_CHARACTERS = "120";
+
+/** @returns {Promise<Group[]>} */
+const loadGroups = () => requestJson("/api/groups");
+
+/** @param {Group} group */
+function sizeOf({ members }) {
+  return counted(members.length, "{{count}} person", "{{count}} people");
+}
+
+/** A group made or changed, once a person said how; null where nothing came of it.
+ * @param {Person[]} people of this server @param {Group | null} group a new one where it is null
+ * @returns {Promise<Group | null>} */
+async function askGroup(people, group) {
+  const inside = new Set(group?.members.map(({ id }) => id));
+  const tick = (/** @type {Person} */ { id, name }) => {
+    const input = h("input", { type: "checkbox", name: "member", value: id });
+    input.checked = inside.has(id);
+    return h("label", { class: "tick" }, input, h("span", null, name));
+  };
+  const answer = await askPerson({
+    title: group ? t("Change {{name}}", { name: group.name }) : t("New group"),
+    body: [field(t("Name"), { name: "name", value: group?.name ?? "", maxlength: MOST_CHARACTERS, required: true, autocomplete: "off" }),
+      h("fieldset", { class: "members" }, h("legend", null, t("Who is in it")), h("div", { class: "ticks" }, people.map(tick))),
+      h("small", null, t("They see what is shared with the group as long as they are in it. Its name is for you alone."))],
+    submit: t("Save"),
+  });
+  if (!answer) return null;
+  const json = { name: String(answer.get("name") ?? "").trim(), members: answer.getAll("member").map(String) };
+  /** @type {Group | null} */
+  let made = null;
+  await orSay(async () => {
+    made = await requestJson(group ? `/api/groups/${encodeURIComponent(group.id)}` : "/api/groups", { method: group ? "PUT" : "POST", json });
+  });
+  return made;
+}
+
+/** @param {Group} group @returns {Promise<boolean>} whether it is gone */
+async function deleteGroup({ id, name }) {
+  if (!(await confirmDelete(name, t("Those in it see what was shared with it no more.")))) return false;
+  return orSay(() => request(`/api/groups/${encodeURIComponent(id)}`, { method: "DELETE" }));
 }

@@ -1,8 +1,10 @@
 // A recording along its time: where it has sound and motion, and the stretch that is chosen of it.
 
-import { h, svg } from "../shared/dom.js";
+import { h, icon, svg } from "../shared/dom.js";
 import { formatMoment } from "../shared/format.js";
+import { missingLine } from "../shared/job_words.js";
 import { t } from "../shared/words.js";
+import { part } from "./viewer/panel.js";
 
 /** @typedef {import("./store.js").Recording} Recording */
 /** @typedef {[from: number, until: number]} Span seconds */
@@ -12,7 +14,7 @@ const STEP_S = 0.1;
 const LANE = 10;
 const LANES = /** @type {const} */ ([["sound", t("Sound")], ["motion", t("Motion")]]);
 /** The least that can be chosen, s. */
-export const LEAST_S = 2;
+const LEAST_S = 2;
 
 /** What is known of a recording along its time; null where nothing is. @param {Recording} recording
  * @returns {Course | null} */
@@ -44,7 +46,7 @@ export function apart([from_s, until_s], moved, duration_s) {
 
 /** A lane for the sound and one for the motion, and the stretch that counts. @param {Course} course
  * @param {Span} [chosen] */
-export function courseLanes({ duration_s, lanes }, [from_s, until_s] = [0, duration_s]) {
+function courseLanes({ duration_s, lanes }, [from_s, until_s] = [0, duration_s]) {
   const share = (/** @type {number} */ t_s) => (100 * Math.min(Math.max(t_s, 0), duration_s)) / duration_s;
   const bar = (/** @type {Span} */ [begin_s, end_s], /** @type {string} */ kind) =>
     svg("rect", { class: kind, x: share(begin_s), width: Math.max(share(end_s) - share(begin_s), 0.3), y: 0, height: LANE });
@@ -93,4 +95,34 @@ export function stretchField(course, given = [0, course.duration_s]) {
   }
   show();
   return body;
+}
+
+// On the page of a map: what its recording has along its time, what is missing, and mapping it again.
+
+/** @typedef {import("./store.js").Map_} Map_ */
+
+/** Hidden for a map of several walks, and where the recording is gone and lacked nothing.
+ * @param {Map_} map @param {Recording | undefined} recording @param {() => void} again */
+export function recordedPart({ kind, facts }, recording, again) {
+  const missing = /** @type {import("../shared/job_words.js").Missing[]} */ (facts?.missing ?? []);
+  if (kind !== "run" || (!recording && missing.length === 0)) return h("section", { hidden: true });
+  const kept = keptOf(facts);
+  const course = recording ? courseOf(recording) : null;
+  const words = kept ? t("Mapped from {{from}} to {{until}}.", { from: formatMoment(kept[0]), until: untilWords(kept[1], course?.duration_s) }) : t("All of it is mapped.");
+  return part(t("Recording"), [
+    course && courseLanes(course, kept ?? undefined),
+    h("p", { class: "soft" }, words),
+    missing.length > 0 && h("ul", { class: "missing" }, missing.map((each) => h("li", null, missingLine(each)))),
+    recording && h("button", { type: "button", class: "button", click: again }, icon("again"), t("Trim and map again"))]);
+}
+
+/** The stretch that a map was made of; null where that is all. @param {any} facts @returns {Span | null} */
+export function keptOf(facts) {
+  const kept = facts?.kept_s;
+  return Array.isArray(kept) && kept.length === 2 ? [Number(kept[0]), Number(kept[1])] : null;
+}
+
+/** @param {number} until_s @param {number | undefined} duration_s */
+function untilWords(until_s, duration_s) {
+  return until_s < (duration_s ?? 1e6) ? formatMoment(until_s) : t("the end");
 }

@@ -1,10 +1,9 @@
 // Recordings and other programs' logs, dropped or chosen, sent piece by piece so that they survive a bad network.
 
-import { askJson } from "./api.js";
-import { h } from "../shared/dom.js";
+import { requestJson } from "../shared/api.js";
+import { h, icon } from "../shared/dom.js";
 import { say } from "./dialogs.js";
-import { formatBytes, formatShare } from "./format.js";
-import { icon } from "../shared/icons.js";
+import { formatBytes, formatShare } from "../shared/format.js";
 import { t, translated } from "../shared/words.js";
 
 const PIECE_BYTES = 4 * 1024 * 1024;
@@ -90,7 +89,7 @@ export function sorted(files) {
 /** A file that the server refused has not arrived. @param {string} name @param {string | undefined} id of its
  * recording, the first of several */
 async function sayWhatCame(name, id) {
-  const recording = id ? await askJson(`/api/recordings/${encodeURIComponent(id)}`).catch(() => null) : null;
+  const recording = id ? await requestJson(`/api/recordings/${encodeURIComponent(id)}`).catch(() => null) : null;
   if (recording?.state === "refused") say(t("{{name}} was refused: {{why}}", { name, why: translated(recording.refusal ?? "") }), "problem");
   else say(t("{{name}} has arrived.", { name }));
 }

@@ -1,13 +1,11 @@
 // The people with a token: the owner lets them in and out.
 
-import { ask, askJson } from "./api.js";
-import { field } from "./asking.js";
-import { invitation } from "./codes.js";
-import { askPerson, confirmDelete, orSay, showPerson } from "./dialogs.js";
-import { h } from "../shared/dom.js";
-import { formatAgo } from "./format.js";
-import { icon } from "../shared/icons.js";
-import { cell, headOf, iconButton, rowHead, tableOf } from "./parts.js";
+import { request, requestJson } from "../shared/api.js";
+import { askPerson, confirmDelete, field, orSay, showPerson } from "./dialogs.js";
+import { invitation } from "./session.js";
+import { h, icon } from "../shared/dom.js";
+import { formatAgo } from "../shared/format.js";
+import { cell, headOf, iconButton, rowHead, tableOf } from "./lists.js";
 import { t } from "../shared/words.js";
 
 /** @typedef {{id: string, name: string, is_owner: boolean, created_utc: string}} User */
@@ -40,7 +38,7 @@ export function userActions(desk) {
       const answer = await askPerson({ title: t("Invite somebody"), body, submit: t("Make a code") });
       if (!answer) return;
       await orSay(async () => {
-        const made = await askJson("/api/users", { method: "POST", json: { name: String(answer.get("name")).trim() } });
+        const made = await requestJson("/api/users", { method: "POST", json: { name: String(answer.get("name")).trim() } });
         await desk.now();
         await showPerson(t("A code for {{name}}", { name: made.name }), invitation(made.url, INVITED));
       });
@@ -49,7 +47,7 @@ export function userActions(desk) {
       const user = desk.users.find((each) => each.id === id);
       if (!user) return;
       if (!(await confirmDelete(user.name, t("Their recordings, jobs and maps are deleted with them, also for those whom they shared them with, and their code opens nothing any more.")))) return;
-      await orSay(() => ask(`/api/users/${encodeURIComponent(id)}`, { method: "DELETE" }));
+      await orSay(() => request(`/api/users/${encodeURIComponent(id)}`, { method: "DELETE" }));
       await desk.now();
     },
   };

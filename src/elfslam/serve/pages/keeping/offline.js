@@ -6,16 +6,16 @@ import { t } from "../shared/words.js";
  * @typedef {{isKept: boolean, why: string}} Offline whether the page opens without a network, else why not
  */
 
-export const KEPT = { isKept: true, why: "" };
-export const NO_WORKER = {
+const KEPT = { isKept: true, why: "" };
+const NO_WORKER = {
   isKept: false,
   why: t("This browser keeps no pages: open the page by https, in a window that is not private."),
 };
-export const NOT_TRUSTED = {
+const NOT_TRUSTED = {
   isKept: false,
   why: t("The page is not kept on this phone: install the server's authority, so that the browser trusts it."),
 };
-export const NOT_WHOLE = {
+const NOT_WHOLE = {
   isKept: false,
   why: t("The page did not come whole, or this phone has no room for it. Open it again later."),
 };

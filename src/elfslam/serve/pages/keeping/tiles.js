@@ -4,6 +4,7 @@
  * and weights (n). A stretch of features: n and the order of its spots (n) as uint32; float16 features (128n).
  */
 
+import { ELF_SIZE } from "../stages/constants.js";
 import { t } from "../shared/words.js";
 
 const HEAD_BYTES = 4;
@@ -12,8 +13,7 @@ const WHOLE = [["walk", 1], ["order", 1]];
 /** @type {["xyM" | "headingRad" | "covarianceM2" | "weight", number][]} */
 const NUMBERS = [["xyM", 2], ["headingRad", 1], ["covarianceM2", 3], ["weight", 1]];
 const TILE_SPOT_BYTES = 4 * 9;
-const FEATURES = 128;
-const STRETCH_SPOT_BYTES = 4 + 2 * FEATURES;
+const STRETCH_SPOT_BYTES = 4 + 2 * ELF_SIZE;
 const WALK = 2 ** 32;
 const CUT_OFF = t("A part of the map is cut off.");
 const NO_FEATURES = t("Spots of the map have no features.");
@@ -33,7 +33,7 @@ const NO_FEATURES = t("Spots of the map have no features.");
 export function spotsOf(tiles, stretches) {
   const counts = tiles.map((tile) => countOf(tile, TILE_SPOT_BYTES));
   const total = counts.reduce((sum, count) => sum + count, 0);
-  const spots = /** @type {Spots} */ ({ vectors: new Float32Array(FEATURES * total) });
+  const spots = /** @type {Spots} */ ({ vectors: new Float32Array(ELF_SIZE * total) });
   for (const [name, width] of WHOLE) spots[name] = new Uint32Array(width * total);
   for (const [name, width] of NUMBERS) spots[name] = new Float32Array(width * total);
   let first = 0;
@@ -63,11 +63,11 @@ function fillFeatures({ walk, order, vectors }, stretches) {
     const count = countOf(bytes, STRETCH_SPOT_BYTES);
     const { buffer, byteOffset } = aligned(bytes);
     const orders = new Uint32Array(buffer, byteOffset + HEAD_BYTES, count);
-    const halves = new Uint16Array(buffer, byteOffset + HEAD_BYTES + 4 * count, FEATURES * count);
+    const halves = new Uint16Array(buffer, byteOffset + HEAD_BYTES + 4 * count, ELF_SIZE * count);
     for (let k = 0; k < count; k += 1) {
       const row = rows.get(of * WALK + orders[k]);
       if (row === undefined) continue;
-      for (let j = 0; j < FEATURES; j += 1) vectors[FEATURES * row + j] = wholeOf(halves[FEATURES * k + j]);
+      for (let j = 0; j < ELF_SIZE; j += 1) vectors[ELF_SIZE * row + j] = wholeOf(halves[ELF_SIZE * k + j]);
       filled += 1;
     }
   }

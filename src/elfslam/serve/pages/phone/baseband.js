@@ -6,13 +6,15 @@
  * at t = k / 6300 on the recording's own clock, in frames of 80 ms.
  */
 
-export const BASEBAND = { rateHz: 6300, centreHz: 17500, frameSamples: 504, leadS: 0.005 };
-/** Speech is taken down by 160 dB: far below what a microphone's own noise hides. */
-const KAISER_SHAPE = 14;
-export const HALF_SUPPORT_S = 0.007;
+import { BASEBAND_FILTER, BASEBAND_FORMAT } from "../stages/constants.js";
+
+export const BASEBAND = {
+  rateHz: BASEBAND_FORMAT.rate_hz, centreHz: BASEBAND_FORMAT.centre_hz, frameSamples: BASEBAND_FORMAT.frame_samples,
+  leadS: BASEBAND_FORMAT.lead_s,
+};
+/** KAISER_SHAPE: speech is taken down by 160 dB, far below what a microphone's own noise hides; LEAST: silence has a scale too. */
+const { HALF_SUPPORT_S, KAISER_SHAPE, LEAST } = BASEBAND_FILTER;
 const LARGEST_INT16 = 32767;
-/** Silence has a scale too. */
-const LEAST = 1e-6;
 
 /**
  * @typedef {{
@@ -86,7 +88,7 @@ function makePhases(rateHz, up, half) {
  * 2 h at the time step / (rateHz up); half: steps from the middle to the end.
  * @param {number} step @param {number} rateHz @param {number} up @param {number} half
  */
-export function impulseResponse(step, rateHz, up, half) {
+function impulseResponse(step, rateHz, up, half) {
   const x = (Math.PI * BASEBAND.rateHz * step) / (rateHz * up);
   const sinc = step === 0 ? 1 : Math.sin(x) / x;
   return ((2 * BASEBAND.rateHz) / rateHz) * sinc * kaiser(step / half);
@@ -156,4 +158,39 @@ function mix(samples, first, { size, cos, sin }) {
 /** @param {number} a @param {number} b @returns {number} */
 function greatestCommonDivisor(a, b) {
   return b === 0 ? a : greatestCommonDivisor(b, a % b);
+}
+
+// The chirp band as plain sound: the same filter as the baseband's, without moving the band,
+//
+// y[n] = 2 sum_m x[m] h((n - m) / F) cos(2 pi f (n - m) / F).
+//
+// Its taps are the same both ways from the middle, so nothing is delayed and no phase is turned.
+
+/**
+ * @typedef {{reach: number, apply: (samples: Float32Array) => Float32Array}} BandFilter reach: samples
+ *   that are needed on either side; apply: the band, as many samples shorter at both ends
+ */
+
+/** @param {number} rateHz 44100 or 48000 @returns {BandFilter} */
+export function makeBandFilter(rateHz) {
+  const reach = Math.round(HALF_SUPPORT_S * rateHz);
+  const taps = Float64Array.from({ length: reach + 1 }, (_, k) => {
+    const turn = (2 * Math.PI * BASEBAND.centreHz * k) / rateHz;
+    return impulseResponse(k, rateHz, 1, reach) * Math.cos(turn);
+  });
+  return { reach, apply: (samples) => filtered(samples, taps, reach) };
+}
+
+/** @param {Float32Array} samples @param {Float64Array} taps @param {number} reach */
+function filtered(samples, taps, reach) {
+  const out = new Float32Array(Math.max(samples.length - 2 * reach, 0));
+  for (let n = 0; n < out.length; n += 1) {
+    const middle = n + reach;
+    let sum = taps[0] * samples[middle];
+    for (let k = 1; k <= reach; k += 1) {
+      sum += taps[k] * (samples[middle - k] + samples[middle + k]);
+    }
+    out[n] = sum;
+  }
+  return out;
 }

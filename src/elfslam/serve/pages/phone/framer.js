@@ -1,12 +1,9 @@
 /** From the stream to frames: finds the direct arrival of every chirp and cuts what is kept of it. */
 
-import { NOTHING_YET, nextArrival, wantedStretch } from "./arrivals.js";
-import { makeBandFilter } from "./band_filter.js";
-import { BASEBAND, makeBaseband, scaleOf, toInt16 } from "./baseband.js";
-import { makeMatchedFilter } from "./matched_filter.js";
-import { makeScheduled } from "./scheduled.js";
-import { frameRow, toBytes, toPcm } from "./sound_files.js";
-import { makeStream } from "./stream.js";
+import { makeMatchedFilter } from "../stages/matched_filter.js";
+import { makeStream } from "../stages/resample.js";
+import { NOTHING_YET, makeScheduled, nextArrival, wantedStretch } from "./arrivals.js";
+import { BASEBAND, makeBandFilter, makeBaseband, scaleOf, toInt16 } from "./baseband.js";
 
 const FRAME_S = 0.08;
 
@@ -15,10 +12,10 @@ const FRAME_S = 0.08;
  * @typedef {import("./arrivals.js").Arrival & {played?: number}} Arrival played: where that was told
  * @typedef {{arrival: Arrival, tS: number, row: string, bytes: Uint8Array}} Frame
  * @typedef {{index: (direct: number) => number, lastNeeded: (direct: number) => number,
- *   cut: (stream: import("./stream.js").Stream, index: number) => {tS: number, row: string, bytes: Uint8Array}}} Cutter
+ *   cut: (stream: import("../stages/resample.js").Stream, index: number) => {tS: number, row: string, bytes: Uint8Array}}} Cutter
  * @typedef {{push: (first: number, samples: Float32Array) => {frames: Frame[], missing: number},
  *   played: (sample: number) => void, end: () => number,
- *   heard: import("./hearing.js").HeardSound}} Framer
+ *   heard: import("../stages/hearing.js").HeardSound}} Framer
  *   played: tells when a chirp was played, before it can be heard; without it they come once per period
  */
 
@@ -113,3 +110,60 @@ function wholeCutter(rateHz) {
     },
   };
 }
+
+// Bytes of the files that hold sound. All numbers are little-endian.
+
+/** @param {Float32Array} samples in [-1, 1] @returns {Uint8Array} 16 bits each */
+export function toPcm(samples) {
+  const bytes = new Uint8Array(2 * samples.length);
+  const view = new DataView(bytes.buffer);
+  samples.forEach((value, k) => {
+    const step = Math.round(Math.max(-1, Math.min(1, value)) * 32767);
+    view.setInt16(2 * k, step, true);
+  });
+  return bytes;
+}
+
+/** @param {Int16Array} values @returns {Uint8Array} */
+function toBytes(values) {
+  const bytes = new Uint8Array(2 * values.length);
+  const view = new DataView(bytes.buffer);
+  values.forEach((value, k) => view.setInt16(2 * k, value, true));
+  return bytes;
+}
+
+/** The largest size that a WAV can claim: the file was streamed, and ends where it ends. */
+const STREAMED = 0xffffffff;
+
+/** @param {number} rateHz @returns {Uint8Array} header of a mono, 16-bit WAV of unknown length */
+export function wavHeader(rateHz) {
+  const bytes = new Uint8Array(44);
+  const view = new DataView(bytes.buffer);
+  /** @param {number} at @param {string} letters */
+  const text = (at, letters) => bytes.set(new TextEncoder().encode(letters), at);
+  text(0, "RIFF");
+  view.setUint32(4, STREAMED, true);
+  text(8, "WAVEfmt ");
+  view.setUint32(16, 16, true);
+  view.setUint16(20, 1, true);
+  view.setUint16(22, 1, true);
+  view.setUint32(24, rateHz, true);
+  view.setUint32(28, 2 * rateHz, true);
+  view.setUint16(32, 2, true);
+  view.setUint16(34, 16, true);
+  text(36, "data");
+  view.setUint32(40, STREAMED, true);
+  return bytes;
+}
+
+/**
+ * A frame's row in its table.
+ * @param {number} tS @param {number} [scale] what one step of its 16 bits stands for
+ */
+function frameRow(tS, scale) {
+  const columns = scale === undefined ? [] : [String(scale)];
+  return `${[tS.toFixed(9), ...columns].join(",")}\n`;
+}
+
+/** First line of the table of frames, by what is kept. */
+export const FRAME_HEADERS = { baseband: "t_s,scale\n", whole: "t_s\n" };

@@ -1,12 +1,9 @@
 /** A map that somebody shared by link: opened here, and remembered, so that a phone without an account is located in it. */
 
-import { forgetLink, linkedMaps, rememberLink } from "../keeping/links.js";
-import { trustAsGuest } from "../keeping/pairing.js";
-import { openStore } from "../keeping/store.js";
-import { Problem, ask } from "../shared/api.js";
-import { linkIn, openLink } from "../shared/links.js";
+import { forgetLink, linkedMaps, openStore, rememberLink, trustAsGuest } from "../keeping/store.js";
+import { Problem, ask, linkIn, openLink } from "../shared/api.js";
 
-/** @typedef {import("../keeping/links.js").LinkedMap} LinkedMap */
+/** @typedef {import("../keeping/store.js").LinkedMap} LinkedMap */
 
 /**
  * Open the link of the address, where there is one. Raises Problem where it was withdrawn.

@@ -4,33 +4,28 @@
  */
 
 import { Problem, ask, openSession, pairWith } from "../shared/api.js";
-import { languageChoice } from "../shared/language_choice.js";
-import { t } from "../shared/words.js";
-import { MEDIUM_ACCESS } from "../stages/medium_access.js";
-import { CHIRP } from "./chirp.js";
-import { openDevices } from "./devices.js";
+import { languageChoice, t } from "../shared/words.js";
+import { MEDIUM_ACCESS } from "../stages/constants.js";
+import { CHIRP } from "../stages/chirp.js";
+import { TRIAL, openDevices, probeSound } from "./devices.js";
 import { hasLinks, openShared } from "./guest.js";
-import { parseStart, usualName, walkKey } from "./form.js";
-import { startKeeper } from "./keeper.js";
-import { describeDevice, NO_FACTS } from "./manifest.js";
-import { watchInterruptions } from "./interruptions.js";
-import { describeEars, resume } from "./microphone.js";
-import { chooseByHand, chooseMicrophone } from "./microphones.js";
-import { describeMotion } from "./motion.js";
-import { listenToMotion } from "./motion_sensor.js";
-import { TRIAL, probeSound } from "./sound.js";
-import { judge, summarise } from "./verdicts.js";
 import {
-  askDiscard, at, showChecks, showListening, showMicrophones, showProblem, showTrying, showUnfinished, showView,
+  askDiscard, at, parseStart, showChecks, showListening, showMicrophones, showProblem, showTrying, showUnfinished,
+  showView, usualName, walkKey,
 } from "./view.js";
+import { startStorage } from "./storage_client.js";
+import { describeDevice, NO_FACTS } from "./manifest.js";
+import { chooseByHand, chooseMicrophone, describeEars, resume, watchInterruptions } from "./microphone.js";
+import { describeMotion, listenToMotion } from "./motion.js";
+import { judge, summarise } from "./verdicts.js";
 
 const WITHOUT_SERVER =
   t("The server does not answer. The maps on this phone work without it, and a walk is kept until it is back.");
 
-const keeper = startKeeper();
+const storage = startStorage();
 /**
  * @typedef {import("./devices.js").Devices & {measured: import("./probe.js").Measured | null,
- *   choice: import("./microphones.js").Choice | null}} Phone
+ *   choice: import("./microphone.js").Choice | null}} Phone
  * @typedef {import("./sending.js").Sent} Sent
  * @typedef {ReturnType<typeof import("./finishing.js").startSending>} Sending
  */
@@ -38,7 +33,7 @@ const keeper = startKeeper();
 /**
  * What the page knows; `phone` is there once sound and motion are allowed.
  * @type {{
- *   chirp: import("./chirp.js").Chirp, software: string, phone: Phone | null, walks: Sent[],
+ *   chirp: import("../stages/chirp.js").Chirp, software: string, phone: Phone | null, walks: Sent[],
  *   mediumAccess: import("../stages/medium_access.js").MediumAccessParameters,
  *   current?: Sent, sending?: Sending, begun?: Promise<void>, isGuest: boolean,
  * }} current: the walk that is shown; isGuest: a link brought somebody here
@@ -100,8 +95,8 @@ function listUnfinished() {
 /** Looks for walks that an earlier page left behind. */
 async function clearUp() {
   try {
-    const { findUnfinished } = await import("./unfinished.js");
-    page.walks = await findUnfinished(keeper);
+    const { findUnfinished } = await import("./finishing.js");
+    page.walks = await findUnfinished(storage);
     listUnfinished();
   } catch (error) {
     showProblem(/** @type {Error} */ (error).message);
@@ -123,7 +118,7 @@ async function allow() {
 async function openPhone() {
   if (page.phone && (await resume(page.phone.microphone.context))) return page.phone;
   page.phone?.microphone.close();
-  page.phone = { ...(await openDevices(keeper, page.chirp, page.mediumAccess)), measured: null, choice: null };
+  page.phone = { ...(await openDevices(storage, page.chirp, page.mediumAccess)), measured: null, choice: null };
   watchForInterruptions(page.phone);
   navigator.storage?.persist?.();
   return page.phone;
@@ -197,13 +192,13 @@ async function walk() {
     uploads: {},
     isOver: false,
   };
-  const { makeSent } = await import("./unfinished.js");
-  const sent = makeSent(keeper, walkKey(now, Math.random()), state, {});
+  const { makeSent } = await import("./finishing.js");
+  const sent = makeSent(storage, walkKey(now, Math.random()), state, {});
   page.current = sent;
   at("record-title").textContent = state.name;
   showView("record");
-  const onTheWay = await walking();
-  await onTheWay.start(sent).catch((error) => {
+  const recording = await walking();
+  await recording.start(sent).catch((error) => {
     showView("name");
     throw error;
   });
@@ -213,8 +208,8 @@ async function walk() {
 async function finish(sent, sending) {
   const { showSending, startSending } = await import("./finishing.js");
   page.current = sent;
-  page.sending = sending ?? startSending(sent, keeper);
-  await showSending(sent, keeper, page.sending);
+  page.sending = sending ?? startSending(sent, storage);
+  await showSending(sent, storage, page.sending);
 }
 
 /** A place gets a name, and may be tapped when the walker comes by again. */
@@ -240,7 +235,7 @@ function watchForInterruptions(phone) {
   /** @param {string} why */
   const interrupt = (why) => {
     loaded.locating?.stopFor(why);
-    return loaded.onTheWay?.interrupt(why);
+    return loaded.recording?.interrupt(why);
   };
   watchInterruptions(phone.microphone, {
     taken: async () => {
@@ -248,18 +243,18 @@ function watchForInterruptions(phone) {
       await interrupt(t("The microphone was taken away, as by a call."));
       await phone.microphone.close();
     },
-    silent: (isSilent) => loaded.onTheWay?.silent(isSilent),
+    silent: (isSilent) => loaded.recording?.silent(isSilent),
     stopped: () => interrupt(t("The sound was interrupted.")),
-    running: () => loaded.onTheWay?.goOnIfPossible(),
+    running: () => loaded.recording?.goOnIfPossible(),
   });
 }
 
 /** A full phone ends the walk; what was recorded until then is kept and sent. */
 function watchForRoom() {
-  keeper.onProblem(({ isFull, said }) => {
-    if (!loaded.onTheWay?.isOn()) return;
+  storage.onProblem(({ isFull, said }) => {
+    if (!loaded.recording?.isOn()) return;
     showProblem(`${isFull ? t("This phone has no room left.") : said} ${t("The walk until then is kept.")}`);
-    loaded.onTheWay.end();
+    loaded.recording.end();
   });
 }
 
@@ -268,7 +263,7 @@ async function goOnWith(sent) {
   await act(async () => {
     await openPhone(); // before anything else is waited for: it needs the tap
     await page.begun;
-    await (await import("./unfinished.js")).mendFiles(sent, keeper);
+    await (await import("./finishing.js")).mendFiles(sent, storage);
     page.walks = page.walks.filter((other) => other !== sent);
     page.current = sent;
     at("record-title").textContent = sent.state.name;
@@ -285,7 +280,7 @@ async function goOnWith(sent) {
 /** @param {Sent} sent */
 async function continueSending(sent) {
   await act(async () => {
-    await (await import("./unfinished.js")).mend(sent, keeper, page.software);
+    await (await import("./finishing.js")).mend(sent, storage, page.software);
     page.walks = page.walks.filter((other) => other !== sent);
     listUnfinished();
     await finish(sent);
@@ -296,7 +291,7 @@ async function continueSending(sent) {
 async function discardWalk(sent) {
   if (!(await askDiscard())) return;
   await act(async () => {
-    await keeper.ask({ do: "remove", walk: sent.walk });
+    await storage.ask({ do: "remove", walk: sent.walk });
     if (sent.state.recording) {
       await ask("DELETE", `/api/recordings/${sent.state.recording}`).catch(() => {});
     }
@@ -313,14 +308,14 @@ function walkAgain() {
 }
 
 at("start").append(languageChoice());
-/** @type {{onTheWay?: ReturnType<typeof import("./on_the_way.js").makeOnTheWay>, locating?: ReturnType<typeof import("./locating/locating.js").makeLocating>}} */
+/** @type {{recording?: ReturnType<typeof import("./recording_controller.js").makeRecordingController>, locating?: ReturnType<typeof import("./locating/locating.js").makeLocating>}} */
 const loaded = {};
 
 /** What records walks. */
 async function walking() {
-  const { makeOnTheWay } = await import("./on_the_way.js");
-  return (loaded.onTheWay ??= makeOnTheWay({
-    keeper, finish, act, devices: openPhone,
+  const { makeRecordingController } = await import("./recording_controller.js");
+  return (loaded.recording ??= makeRecordingController({
+    storage, finish, act, devices: openPhone,
     software: () => page.software, mediumAccess: () => page.mediumAccess,
     latencyS: () => (Number.isFinite(page.phone?.measured?.latencyS) ? Number(page.phone?.measured?.latencyS) : null),
   }));
@@ -338,7 +333,7 @@ async function listMaps() {
   await (await placing()).list();
 }
 
-keeper.onKept(({ walk: key, sizes }) => {
+storage.onKept(({ walk: key, sizes }) => {
   if (page.current?.walk === key) Object.assign(page.current.sizes, sizes);
 });
 at("pair").addEventListener("submit", act(pairByHand));
@@ -356,7 +351,7 @@ at("send-again").addEventListener("click", act(() => finish(/** @type {Sent} */ 
 at("discard").addEventListener("click", () => discardWalk(/** @type {Sent} */ (page.current)));
 at("another").addEventListener("click", walkAgain);
 window.addEventListener("beforeunload", (event) => {
-  if (loaded.onTheWay?.isOn()) event.preventDefault();
+  if (loaded.recording?.isOn()) event.preventDefault();
 });
 watchForRoom();
 page.begun = begin();

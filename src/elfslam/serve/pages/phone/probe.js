@@ -1,8 +1,7 @@
 /** What two seconds of chirps tell about a phone, as numbers; verdicts.js says them in words. */
 
-import { complexZeros, fourierOf } from "./fourier.js";
-import { earliest, makeMatchedFilter, median, strongest } from "./matched_filter.js";
-import { RULES } from "./arrivals.js";
+import { ECHO_PARAMETERS } from "../stages/constants.js";
+import { complexZeros, earliest, fourierOf, makeMatchedFilter, median, strongest } from "../stages/matched_filter.js";
 
 /** Samples: as long as a chirp; so many at both ends fade. */
 const SPECTRUM = 512;
@@ -37,9 +36,9 @@ const NOISE_S = [0.078, 0.088];
  */
 export function measure(samples, rateHz, chirp, played, bandHz) {
   const envelope = wholeEnvelope(samples, chirp);
-  const frames = framesOf(envelope, played, Math.round(RULES.earlyS * rateHz));
+  const frames = framesOf(envelope, played, Math.round(ECHO_PARAMETERS.early_s * rateHz));
   /** @param {Frame} frame */
-  const isHeard = (frame) => frame.peak >= RULES.contrast * Math.max(frame.floor, 1e-9);
+  const isHeard = (frame) => frame.peak >= ECHO_PARAMETERS.contrast * Math.max(frame.floor, 1e-9);
   // Sound may take longer than a period through the phone: its first chirp is the first that is heard.
   const late = Math.max(frames.findIndex(isHeard), 0);
   const due = frames.slice(late, late + played.count);
@@ -80,7 +79,7 @@ function framesOf(envelope, { first, period }, early) {
   return Array.from({ length: count }, (_, c) => {
     const start = first + c * period;
     const peak = strongest(envelope, start, start + period);
-    const direct = earliest(envelope, peak, early, RULES.earlyShare);
+    const direct = earliest(envelope, peak, early, ECHO_PARAMETERS.early_share);
     return { direct, delay: direct - start, peak: envelope[direct], floor: frameFloor(envelope, start, period) };
   });
 }

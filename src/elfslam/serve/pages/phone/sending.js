@@ -1,12 +1,11 @@
 /**
  * Sends a walk while it is being walked, a resumable upload (tus) per file, and finishes it when it is
- * over. It goes on through lost networks, full disks and reloads; the bytes come from the keeper.
+ * over. It goes on through lost networks, full disks and reloads; the bytes come from the storage.
  */
 
+import { NOT_PAIRED, Problem, ask } from "../shared/api.js";
+import { t, translated } from "../shared/words.js";
 import "../vendor/tus-js-client/tus.min.js";
-import { Problem, ask } from "../shared/api.js";
-import { troubleOf } from "./troubles.js";
-import { t } from "../shared/words.js";
 
 const ENDPOINT = "/api/uploads";
 const CHUNK_BYTES = 1 << 20;
@@ -23,7 +22,7 @@ const LEAST_WAIT_S = 1;
  *   save: (reserve?: number) => Promise<void>,
  * }} Sent a walk on its way: its key, what is known of it, how much of each file is there
  * @typedef {{sent: Record<string, number>, trouble: string | null}} Progress
- * @typedef {import("./keeper.js").Keeper} Keeper
+ * @typedef {import("./storage_client.js").StorageClient} StorageClient
  * @typedef {Problem & {wasMoving?: boolean, retryAfterS?: number}} Setback wasMoving: bytes were accepted before it
  * @typedef {{name: string, size_bytes: number, sha256: string}} SentFile
  * @typedef {{getStatus: () => number, getBody: () => string,
@@ -32,17 +31,17 @@ const LEAST_WAIT_S = 1;
  */
 
 /** Thrown where trying again is of no use. */
-export class Stuck extends Error {}
+class Stuck extends Error {}
 
 /**
  * @param {Sent} sent
- * @param {Keeper} keeper
+ * @param {StorageClient} storage
  * @param {string[]} names of the files, `recording.json` last
  * @param {(progress: Progress) => void} tell
  * @param {AbortSignal} signal
  * @returns {Promise<object>} the recording as the server has it. Raises Stuck.
  */
-export async function sendWalk(sent, keeper, names, tell, signal) {
+export async function sendWalk(sent, storage, names, tell, signal) {
   /** @type {Progress} */
   const progress = { sent: {}, trouble: null };
   /** @param {Partial<Progress>} change */
@@ -57,12 +56,12 @@ export async function sendWalk(sent, keeper, names, tell, signal) {
     names.map(async (name) => {
       await moreThan(0, sizeOf(sent, name), () => sent.state.isOver, signal);
       if (sizeOf(sent, name)() === 0) return null;
-      await tried(() => sendFile(sent, keeper, name, note, signal));
+      await tried(() => sendFile(sent, storage, name, note, signal));
       return name;
     }),
   );
   const there = filled.filter((name) => name !== null);
-  const files = await Promise.all(there.map((name) => describeFile(sent, keeper, name)));
+  const files = await Promise.all(there.map((name) => describeFile(sent, storage, name)));
   return tried(() => complete(sent, files));
 }
 
@@ -141,11 +140,11 @@ async function createRecording(sent) {
 
 /**
  * One attempt at one file, from wherever the server has got to.
- * @param {Sent} sent @param {Keeper} keeper @param {string} name
+ * @param {Sent} sent @param {StorageClient} storage @param {string} name
  * @param {(name: string, bytes: number) => void} note @param {AbortSignal} signal
  * @returns {Promise<void>}
  */
-function sendFile(sent, keeper, name, note, signal) {
+function sendFile(sent, storage, name, note, signal) {
   const { state } = sent;
   let isMoving = false;
   return new Promise((resolve, reject) => {
@@ -157,7 +156,7 @@ function sendFile(sent, keeper, name, note, signal) {
       retryDelays: null,
       storeFingerprintForResuming: false,
       fingerprint: async () => null,
-      fileReader: { openFile: async () => sourceOf(sent, keeper, name, signal) },
+      fileReader: { openFile: async () => sourceOf(sent, storage, name, signal) },
       onUploadUrlAvailable: () => {
         state.uploads[name] = upload.url;
         sent.save().catch(reject);
@@ -211,9 +210,9 @@ function detailIn(body) {
 
 /**
  * A file that grows while it is read; it is done when the walk is over and all of it was given.
- * @param {Sent} sent @param {Keeper} keeper @param {string} name @param {AbortSignal} signal
+ * @param {Sent} sent @param {StorageClient} storage @param {string} name @param {AbortSignal} signal
  */
-function sourceOf(sent, keeper, name, signal) {
+function sourceOf(sent, storage, name, signal) {
   const size = sizeOf(sent, name);
   /** @param {number} start @param {number} end */
   const slice = async (start, end) => {
@@ -221,7 +220,7 @@ function sourceOf(sent, keeper, name, signal) {
     const stop = Math.min(end, size());
     const isLast = sent.state.isOver && stop >= size();
     if (stop <= start) return { value: null, done: isLast };
-    const bytes = await keeper.ask({ do: "read", walk: sent.walk, name, start, end: stop });
+    const bytes = await storage.ask({ do: "read", walk: sent.walk, name, start, end: stop });
     return { value: new Blob([bytes]), done: isLast };
   };
   return { size: null, slice, close: () => {} };
@@ -243,11 +242,44 @@ async function moreThan(start, size, isOver, signal) {
   }
 }
 
-/** @param {Sent} sent @param {Keeper} keeper @param {string} name @returns {Promise<SentFile>} */
-async function describeFile(sent, keeper, name) {
+/** @param {Sent} sent @param {StorageClient} storage @param {string} name @returns {Promise<SentFile>} */
+async function describeFile(sent, storage, name) {
   const size = sent.sizes[name] ?? 0;
-  const bytes = await keeper.ask({ do: "read", walk: sent.walk, name, start: 0, end: size });
+  const bytes = await storage.ask({ do: "read", walk: sent.walk, name, start: 0, end: size });
   const digest = new Uint8Array(await crypto.subtle.digest("SHA-256", bytes));
   const sha256 = Array.from(digest, (byte) => byte.toString(16).padStart(2, "0")).join("");
   return { name, size_bytes: size, sha256 };
+}
+
+// What stands in the way of sending, in words, and when to try again.
+
+const KEPT = t("Everything is kept on this phone, and sending goes on by itself.");
+const LONGEST_S = 15;
+
+/**
+ * @typedef {{said: string, retryS: number | null, isGone: boolean}} Trouble retryS: null where trying
+ *   again is of no use; isGone: the server has dropped the upload, so it begins anew
+ */
+
+/**
+ * @param {number} status of the answer, 0 where none came
+ * @param {string} detail what the server said
+ * @param {number} attempt counted from 0 since something last went well
+ * @param {number} [retryAfterS] what the server asked for
+ * @returns {Trouble}
+ */
+export function troubleOf(status, detail, attempt, retryAfterS = NaN) {
+  const backoffS = Math.min(2 ** attempt, LONGEST_S);
+  /** @param {string} said @returns {Trouble} */
+  const again = (said, retryS = backoffS) => ({ said, retryS, isGone: false });
+  /** @param {string} said @returns {Trouble} */
+  const final = (said) => ({ said, retryS: null, isGone: false });
+  if (status === 0) return again(`${t("No network.")} ${KEPT}`);
+  if (status === 401) return final(`${NOT_PAIRED} ${t("The walk stays on this phone until then.")}`);
+  if (status === 404 || status === 410) return { said: t("The server begins anew."), retryS: backoffS, isGone: true };
+  if (status === 409 || status === 423) return again(t("The server is busy with this file."));
+  if (status === 429) return again(t("The server asks to go slower."), Number.isNaN(retryAfterS) ? 5 : retryAfterS);
+  if (status === 507) return again(`${t("The server's disk is full. Free some of it.")} ${KEPT}`, LONGEST_S);
+  if (status >= 500) return again(`${t("The server is in trouble ({{status}}).", { status })} ${KEPT}`);
+  return final(translated(detail) || t("The server refuses the walk ({{status}}).", { status }));
 }

@@ -1,24 +1,23 @@
 /**
  * The worker behind the microphone. The audio thread sends it blocks; the page tells it what to do with
- * them: nothing, gather them for the probe, or frame them and hand the bytes to the keeper.
+ * them: nothing, gather them for the probe, or frame them and hand the bytes to the storage.
  */
 
-import { makeChirp, periodSamples } from "./chirp.js";
-import { makeFramer } from "./framer.js";
-import { makeHearing } from "./hearing.js";
+import { excitationOf, periodSamples } from "../stages/chirp.js";
+import { FRAME_HEADERS, makeFramer, wavHeader } from "./framer.js";
+import { makeHearing } from "../stages/hearing.js";
 import { measure } from "./probe.js";
-import { FRAME_HEADERS, wavHeader } from "./sound_files.js";
 
 /**
  * @typedef {import("./framer.js").Kind} Kind
- * @typedef {import("./hearing.js").Told} Told
- * @typedef {{rateHz: number, chirp: import("./chirp.js").Chirp}} Played
+ * @typedef {import("../stages/hearing.js").Told} Told
+ * @typedef {{rateHz: number, chirp: import("../stages/chirp.js").Chirp}} Played
  * @typedef {[name: string, bytes: Uint8Array][]} Parts of files
  */
 
 /** Both are there from the page's first order on, `open`. */
 let sound = /** @type {Played & {samples: Float32Array}} */ (/** @type {unknown} */ (null));
-let keeper = /** @type {MessagePort} */ (/** @type {unknown} */ (null));
+let storage = /** @type {MessagePort} */ (/** @type {unknown} */ (null));
 /** @type {(first: number, samples: Float32Array) => void} */
 let take = (_first, _samples) => {};
 let finish = () => {};
@@ -28,8 +27,8 @@ let note = (_slot) => {};
 const orders = {
   /** @param {Played & {source: MessagePort, store: MessagePort}} order */
   open({ rateHz, chirp, source, store }) {
-    sound = { rateHz, chirp, samples: makeChirp(chirp, rateHz) };
-    keeper = store;
+    sound = { rateHz, chirp, samples: excitationOf(chirp, rateHz) };
+    storage = store;
     source.onmessage = ({ data }) => take(data.first, data.samples);
   },
   listen: startListening,
@@ -140,7 +139,7 @@ let sizes = {};
 /** @param {string} walk @param {Parts} parts */
 function keep(walk, parts) {
   for (const [name, bytes] of parts) sizes[name] = (sizes[name] ?? 0) + bytes.length;
-  keeper.postMessage(
+  storage.postMessage(
     { do: "append", walk, parts },
     parts.map(([, bytes]) => /** @type {ArrayBuffer} */ (bytes.buffer)),
   );

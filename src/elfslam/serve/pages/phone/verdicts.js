@@ -1,5 +1,6 @@
 /** What the probe found, in words: a line per check, and what to do about it. */
 
+import { ECHO_RATE_HZ } from "../stages/constants.js";
 import { formatLevel, formatNumber } from "../shared/format.js";
 import { inSentence, locale, t } from "../shared/words.js";
 
@@ -16,7 +17,7 @@ const DISTORTIONS = {
   noiseSuppression: t("noise suppression"),
   autoGainControl: t("automatic gain"),
 };
-const SAFE_RATE_HZ = 44100;
+const SAFE_RATE_HZ = ECHO_RATE_HZ;
 
 /**
  * Every check, in the order in which they are shown.

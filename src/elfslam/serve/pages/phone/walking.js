@@ -1,13 +1,11 @@
-/** A walk being recorded: chirps go out, frames and motion come in, and all of it goes to the keeper. */
+/** A walk being recorded: chirps go out, frames and motion come in, and all of it goes to the storage. */
 
 import { Problem } from "../shared/api.js";
 import { t } from "../shared/words.js";
 import { soundTime } from "./clocks.js";
-import { manifestOf } from "./manifest.js";
-import { CHECKPOINTS, CHIRPS } from "./mending.js";
-import { median } from "./matched_filter.js";
-import { NO_STEPS, TABLE_HEADER, countStep, tableRow } from "./motion.js";
-import { listenToMotion } from "./motion_sensor.js";
+import { CHECKPOINTS, CHIRPS, manifestOf } from "./manifest.js";
+import { median } from "../stages/matched_filter.js";
+import { NO_STEPS, TABLE_HEADER, countStep, listenToMotion, tableRow } from "./motion.js";
 
 const FLUSH_EVERY_MS = 1000;
 const SAVE_EVERY = 5;
@@ -31,8 +29,8 @@ const CHECKPOINTS_HEADER = "t_s,name,x_m,y_m\n";
 /**
  * @typedef {import("./manifest.js").Facts} Facts
  * @typedef {import("./sending.js").Sent} Sent
- * @typedef {import("./keeper.js").Keeper} Keeper
- * @typedef {import("./sound.js").Sound} Sound
+ * @typedef {import("./storage_client.js").StorageClient} StorageClient
+ * @typedef {import("./devices.js").Sound} Sound
  * @typedef {import("../stages/medium_access.js").MediumAccessParameters} MediumAccessParameters
  * @typedef {{slot: number, start: number, played: number | null, gainDb: number}} Slot frames of the clock
  * @typedef {{pageMs: number, acceleration: number[] | null, turning: number[] | null}} Reading
@@ -77,26 +75,26 @@ export function makeMotionLog(onReading, sinceS = 0) {
 }
 
 /**
- * Records a leg of a walk, until it is paused. One that goes on after an interruption does so at `fromS` of the
+ * Records a segment of a walk, until it is paused. One that goes on after an interruption does so at `fromS` of the
  * walk's own time: what lies between is missing, and nothing before it is touched.
  * @param {{
  *   microphone: import("./microphone.js").Microphone, sound: Sound,
- *   keeper: Keeper, clocks: ReturnType<typeof import("./clocks.js").watchClocks>,
+ *   storage: StorageClient, clocks: ReturnType<typeof import("./clocks.js").watchClocks>,
  *   play: (delayS: number, tell: (slot: Slot) => void) => ReturnType<typeof import("./player.js").startSlots>,
  *   mediumAccess: MediumAccessParameters, latencyS: number | null,
  *   sent: Sent, heard: (peak: number, isFound: boolean) => void, fromS?: number,
  * }} given
- * @returns {Promise<Leg>}
- * @typedef {{pause: () => Promise<void>, flush: () => Promise<void>, mark: (marked: Marked) => void}} Leg
+ * @returns {Promise<Segment>}
+ * @typedef {{pause: () => Promise<void>, flush: () => Promise<void>, mark: (marked: Marked) => void}} Segment
  *   flush: keeps what has come by now; mark: the walker is at a place
  * @typedef {{name: string, pageMs: number, xyM: [number, number] | null}} Marked xyM: on the plan that was tapped
  */
 export async function startWalking(given) {
-  const { microphone, sound, keeper, clocks, play, mediumAccess, latencyS, sent, heard, fromS = 0 } = given;
+  const { microphone, sound, storage, clocks, play, mediumAccess, latencyS, sent, heard, fromS = 0 } = given;
   const { state, walk } = sent;
   const rateHz = microphone.context.sampleRate;
   /** @param {Record<string, string>} texts by file */
-  const keep = (texts) => keeper.ask(appendOrder(walk, texts));
+  const keep = (texts) => storage.ask(appendOrder(walk, texts));
   await sent.save();
 
   let steps = { ...NO_STEPS, count: state.facts.steps };
@@ -160,7 +158,7 @@ export async function startWalking(given) {
     last = done.catch(() => {});
     return done;
   };
-  const timer = everySecond(microphone.context, zero, sent, keeper, flush);
+  const timer = everySecond(microphone.context, zero, sent, storage, flush);
 
   const pauseLeg = async () => {
     limit = chirps.stop();
@@ -197,13 +195,13 @@ export function checkpointRows(marked, timeOf) {
 
 /**
  * Nothing more is added: the manifest is written, and the walk may be finished by any page.
- * @param {Sent} sent @param {Keeper} keeper @param {string} software
+ * @param {Sent} sent @param {StorageClient} storage @param {string} software
  */
-export async function closeWalk(sent, keeper, software) {
+export async function closeWalk(sent, storage, software) {
   const order = appendOrder(sent.walk, { "recording.json": manifestOf(sent.state, software) });
   sent.sizes["recording.json"] = order.parts[0][1].length;
   await sent.save(0);
-  await keeper.ask(order);
+  await storage.ask(order);
   sent.state.isOver = true;
   await sent.save();
 }
@@ -281,9 +279,9 @@ export function makeLateness() {
 
 /**
  * @param {AudioContext} context @param {number} zero frame of the clock at which the recording began
- * @param {Sent} sent @param {Keeper} keeper @param {() => Promise<void>} flush
+ * @param {Sent} sent @param {StorageClient} storage @param {() => Promise<void>} flush
  */
-function everySecond(context, zero, sent, keeper, flush) {
+function everySecond(context, zero, sent, storage, flush) {
   let count = 0;
   return setInterval(async () => {
     sent.state.facts.seconds = context.currentTime - zero / context.sampleRate;
@@ -292,9 +290,9 @@ function everySecond(context, zero, sent, keeper, flush) {
       await flush();
       if (count % SAVE_EVERY !== 0) return;
       await sent.save();
-      await keeper.ask({ do: "flush", walk: sent.walk }); // an empty battery leaves what is on the disk
+      await storage.ask({ do: "flush", walk: sent.walk }); // an empty battery leaves what is on the disk
     } catch {
-      // The keeper has told the page, which ends the walk.
+      // The storage has told the page, which ends the walk.
     }
   }, FLUSH_EVERY_MS);
 }

@@ -1,6 +1,6 @@
 /** The server's interface, and what it answers when it refuses. */
 
-import { pairHere } from "../keeping/pairing.js";
+import { pairHere } from "../keeping/store.js";
 import { t, translated } from "./words.js";
 
 /**
@@ -33,22 +33,41 @@ export async function ask(method, path, body, headers = {}, more = {}) {
     options.body = JSON.stringify(body);
     options.headers["Content-Type"] = "application/json";
   }
-  let response;
-  try {
-    response = await fetch(path, options);
-  } catch {
-    throw new Problem(NO_ANSWER, 0);
-  }
+  const response = await fetched(path, options);
   if (!response.ok) throw await problemOf(response);
   return response.status === 204 ? null : response.json();
 }
 
-/** What a refusal says. @param {Response} response @returns {Promise<Problem>} */
+/** @param {string} path @param {RequestInit} options @returns {Promise<Response>} Raises Problem without an answer. */
+async function fetched(path, options) {
+  try {
+    return await fetch(path, options);
+  } catch {
+    throw new Problem(NO_ANSWER, 0);
+  }
+}
+
+/** What a refusal says to a phone. @param {Response} response @returns {Promise<Problem>} */
 export async function problemOf(response) {
-  const told = await response.json().catch(() => ({}));
-  if (response.status === 401 && !response.url.endsWith("/session/code")) return new Problem(NOT_PAIRED, 401);
-  const detail = typeof told.detail === "string" ? told.detail : told.title;
-  return new Problem(translated(detail || "") || t("The server answered {{status}}.", { status: response.status }), response.status);
+  const { status } = response;
+  const told = documentOf(await response.text());
+  if (status === 401 && !response.url.endsWith("/session/code")) return new Problem(NOT_PAIRED, 401);
+  return new Problem(lineOf(told) ?? t("The server answered {{status}}.", { status }), status);
+}
+
+/** What a refusal says; nothing where it is no problem document: a proxy's page, say. @param {string} text @returns {any} */
+function documentOf(text) {
+  try {
+    return JSON.parse(text) ?? {};
+  } catch {
+    return {};
+  }
+}
+
+/** @param {{detail?: unknown, title?: unknown}} told @returns {string | undefined} */
+function lineOf({ detail, title }) {
+  const line = [detail, title].find((each) => typeof each === "string" && each);
+  return typeof line === "string" ? translated(line) : undefined;
 }
 
 /**
@@ -87,7 +106,7 @@ export async function openSession(location, history) {
  * Hand a token or a code over for a cookie, and trust the key that lies beside it. Raises Problem.
  * @param {string} fragment such as "#token=abc&key=def"
  */
-export async function beginSession(fragment) {
+async function beginSession(fragment) {
   const { kind, secret } = secretIn(fragment) ?? { kind: "token", secret: "" };
   if (kind === "code") await ask("POST", "/api/session/code", { code: secret });
   else await ask("POST", "/api/session", undefined, { Authorization: `Bearer ${secret}` });
@@ -97,4 +116,61 @@ export async function beginSession(fragment) {
 /** Pair with what someone typed or pasted: a token, or the whole address. @param {string} text */
 export async function pairWith(text) {
   await beginSession(text.includes("#") ? text.slice(text.indexOf("#")) : `#token=${encodeURIComponent(text.trim())}`);
+}
+
+// As the desk asks: the answer itself, and a 401 is told to the page.
+
+/** @typedef {{method?: string, json?: unknown, body?: BodyInit, headers?: Record<string, string>, keepalive?: boolean}} Asked */
+
+/**
+ * The answer to a request. Throws Problem. A 401 is also told to the page ("elfslam:signed-out").
+ * @param {string} path @param {Asked} [asked] @returns {Promise<Response>}
+ */
+export async function request(path, { method = "GET", json, body, headers = {}, keepalive = false } = {}) {
+  const sent = json === undefined ? headers : { ...headers, "Content-Type": "application/json" };
+  const content = json === undefined ? body : JSON.stringify(json);
+  const answer = await fetched(path, { method, headers: sent, body: content, keepalive });
+  if (answer.ok) return answer;
+  if (answer.status === 401) document.dispatchEvent(new CustomEvent("elfslam:signed-out"));
+  const told = documentOf(await answer.text());
+  const status = `${answer.status} ${answer.statusText}`.trim();
+  throw new Problem(lineOf(told) ?? t("The server answered {{status}}.", { status }), answer.status, told.levels);
+}
+
+/** The JSON that the server answers; null where it answers nothing.
+ * @param {string} path @param {Asked} [asked] @returns {Promise<any>} */
+export async function requestJson(path, asked) {
+  const answer = await request(path, asked);
+  return answer.status === 204 ? null : answer.json();
+}
+
+/**
+ * Fetch a file and hand it to the browser as a download. A refusal throws, so it can be shown.
+ * @param {string} path @param {string} name if the server names none
+ */
+export async function download(path, name) {
+  const answer = await request(path);
+  const told = /filename\*?=(?:UTF-8'')?"?([^";]+)"?/i.exec(answer.headers.get("content-disposition") ?? "");
+  const address = URL.createObjectURL(await answer.blob());
+  const link = Object.assign(document.createElement("a"), {
+    href: address,
+    download: told ? decodeURIComponent(told[1]) : name,
+  });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(address), 60_000);
+}
+
+// Links that open a map without an account: `#link=…&key=…` behind the address of a page.
+
+/** @typedef {{map: string, name: string, may: "read" | "edit"}} OpenedLink */
+
+/** @param {string} fragment @returns {string | null} what the link holds, where there is one */
+export function linkIn(fragment) {
+  return new URLSearchParams(fragment.replace(/^#/, "")).get("link");
+}
+
+/** Open a link: from now on this browser may look at its map. Raises Problem where it was withdrawn.
+ * @param {string} link @returns {Promise<OpenedLink>} */
+export function openLink(link) {
+  return ask("POST", "/api/links/open", { link });
 }

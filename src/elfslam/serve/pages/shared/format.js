@@ -1,6 +1,11 @@
-/** Numbers as people read them, in the reader's language. */
+/** Numbers as people read them, in the reader's language; a dash where nothing is known. No clock is read. */
 
-import { locale } from "./words.js";
+import { counted, locale, t } from "./words.js";
+
+/** @param {unknown} value @returns {value is number} */
+function isKnown(value) {
+  return typeof value === "number" && Number.isFinite(value);
+}
 
 /** @type {Map<number, Intl.NumberFormat>} by digits behind the point: each is slow to make */
 const formats = new Map();
@@ -16,8 +21,9 @@ export function formatNumber(value, digits = 0) {
   return format.format(value);
 }
 
-/** @param {number} bytes @returns {string} number and unit stay on one line */
+/** @param {number | null | undefined} bytes @returns {string} 1.4 MB; number and unit stay on one line */
 export function formatBytes(bytes) {
+  if (!isKnown(bytes)) return "–";
   return told(bytes).replace(" ", "\u00a0");
 }
 
@@ -29,8 +35,9 @@ function told(bytes) {
   return `${formatNumber(bytes / 1e9, 1)} GB`;
 }
 
-/** @param {number} metres @returns {string} 4 cm, 0.35 m, 12.4 m, 1.20 km */
+/** @param {number | null | undefined} metres @returns {string} 4 cm, 0.35 m, 12.4 m, 1.20 km */
 export function formatMetres(metres) {
+  if (!isKnown(metres)) return "–";
   const size = Math.abs(metres);
   if (size < 0.1) return `${Math.round(metres * 100)} cm`;
   if (size < 10) return `${formatNumber(metres, 2)} m`;
@@ -38,8 +45,9 @@ export function formatMetres(metres) {
   return `${formatNumber(metres / 1000, 2)} km`;
 }
 
-/** @param {number} seconds @returns {string} minutes:seconds, with hours where there are any */
+/** @param {number | null | undefined} seconds @returns {string} 1:23 or 1:02:03 */
 export function formatDuration(seconds) {
+  if (!isKnown(seconds)) return "–";
   const whole = Math.max(Math.floor(seconds), 0);
   const two = (/** @type {number} */ value) => String(value).padStart(2, "0");
   const minutes = Math.floor(whole / 60) % 60;
@@ -58,12 +66,66 @@ export function formatWhen(when) {
   return new Date(when).toLocaleString(locale, { dateStyle: "medium", timeStyle: "short" });
 }
 
-/** @param {number} share @returns {string} */
+/** @param {number | null | undefined} share 0 to 1 @returns {string} */
 export function formatShare(share) {
-  return `${Math.round(share * 100)} %`;
+  return isKnown(share) ? `${Math.round(Math.min(1, Math.max(0, share)) * 100)} %` : "";
 }
 
 /** @param {number} decibels @returns {string} with a true minus */
 export function formatLevel(decibels) {
   return `${Math.round(decibels)} dB`.replace("-", "−");
+}
+
+/**
+ * How long ago, in one rough unit.
+ * @param {string | null | undefined} iso ISO time in UTC @param {number} nowMs
+ * @returns {string} just now, 5 min ago, 3 h ago, 2 days ago, then the date
+ */
+export function formatAgo(iso, nowMs) {
+  const then = parseTime(iso);
+  if (then === null) return "–";
+  const seconds = (nowMs - then) / 1000;
+  if (seconds < 45) return t("just now");
+  if (seconds < 3600) return t("{{minutes}} min ago", { minutes: Math.max(1, Math.round(seconds / 60)) });
+  if (seconds < 86400) return t("{{hours}} h ago", { hours: Math.round(seconds / 3600) });
+  if (seconds < 7 * 86400) return counted(Math.round(seconds / 86400), "{{count}} day ago", "{{count}} days ago");
+  return new Date(then).toLocaleDateString(locale, { dateStyle: "medium", timeZone: "UTC" });
+}
+
+/** @param {string | null | undefined} iso @returns {number | null} ms since 1970; no zone is UTC */
+export function parseTime(iso) {
+  if (!iso) return null;
+  const zoned = /(Z|[+-]\d\d:?\d\d)$/.test(iso) ? iso : `${iso}Z`;
+  const time = Date.parse(zoned);
+  return Number.isNaN(time) ? null : time;
+}
+
+/** @param {string | null | undefined} from @param {string | null | undefined} to @param {number} nowMs
+ * @returns {number | null} seconds between; until now where the end is open */
+export function secondsBetween(from, to, nowMs) {
+  const start = parseTime(from);
+  if (start === null) return null;
+  return Math.max(0, ((parseTime(to) ?? nowMs) - start) / 1000);
+}
+
+/** @param {number} count @returns {string} 12,345 */
+export function formatCount(count) {
+  return Math.round(count).toLocaleString(locale);
+}
+
+/** @param {string} name @returns {string} a name for a file, without what file systems dislike */
+export function fileName(name) {
+  const safe = name.normalize("NFC").replace(/[^\p{L}\p{N}._ -]+/gu, "-").replace(/\s+/g, "_");
+  return safe.replace(/^[.-]+|[.-]+$/g, "").slice(0, 80) || "map";
+}
+
+/**
+ * Names without the marks that a merge puts behind them to tell namesakes apart ("hall-3fa9c1"),
+ * unless that would make two of them alike.
+ * @param {string[]} names @returns {Map<string, string>} from the name to what is shown
+ */
+export function withoutMarks(names) {
+  const bare = names.map((name) => name.replace(/-[0-9a-f]{6}$/, ""));
+  const alone = (/** @type {string} */ name) => bare.filter((each) => each === name).length === 1;
+  return new Map(names.map((name, at) => [name, bare[at] && alone(bare[at]) ? bare[at] : name]));
 }

@@ -5,7 +5,34 @@
  */
 
 import { createInstance } from "../vendor/i18next/i18next.js";
-import { translateElements } from "./translating.js";
+import { h } from "./dom.js";
+
+// The words that stand in a page's HTML, in the reader's language: once, before the page is shown.
+
+const ATTRIBUTES = ["aria-label", "title", "placeholder", "alt"];
+/** What is inside is no language: names, addresses, figures. */
+const NOT_WORDS = "script, style, noscript, [translate=no]";
+
+/** @param {string} text as it stands in the HTML @returns {string} without what HTML makes nothing of */
+function bare(text) {
+  return text.replace(/\s+/g, " ").trim();
+}
+
+/** @param {Element} root @param {(text: string) => string} translated */
+function translateElements(root, translated) {
+  const walker = document.createTreeWalker(root, NodeFilter.SHOW_TEXT);
+  for (let node = walker.nextNode(); node !== null; node = walker.nextNode()) {
+    const text = node.nodeValue ?? "";
+    if (bare(text) === "" || node.parentElement?.closest(NOT_WORDS)) continue;
+    const [before, after] = [/^\s*/, /\s*$/].map((space) => space.exec(text)?.[0] ?? "");
+    node.nodeValue = before + translated(bare(text)) + after;
+  }
+  for (const name of ATTRIBUTES) {
+    for (const element of root.querySelectorAll(`[${name}]:not([translate=no])`)) {
+      element.setAttribute(name, translated(bare(element.getAttribute(name) ?? "")));
+    }
+  }
+}
 
 /** @typedef {Record<string, string | number>} Values */
 
@@ -92,4 +119,20 @@ if (globalThis.document) {
   root.lang = language;
   if (language !== "en") translateElements(root, translated);
   delete root.dataset.words;
+}
+
+// The control that says which language the page speaks.
+
+/** Each language by its own name. @param {string} tag */
+function nameOf(tag) {
+  const name = new Intl.DisplayNames(tag, { type: "language" }).of(tag) ?? tag;
+  return name[0].toUpperCase() + name.slice(1);
+}
+
+/** @returns {HTMLElement} a label with its list; whoever chooses gets the page anew */
+export function languageChoice() {
+  const { languages, choose } = /** @type {ElfslamLanguage} */ (window.elfslamLanguage);
+  const options = languages.map((tag) => h("option", { value: tag, lang: tag, selected: tag === language }, nameOf(tag)));
+  const list = h("select", { id: "language", autocomplete: "off", change: () => choose(list.value) }, options);
+  return h("label", { class: "language" }, h("span", null, t("Language")), list);
 }

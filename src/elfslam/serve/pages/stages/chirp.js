@@ -1,7 +1,6 @@
 /** The excitation as elfslam.stages.chirp makes it, sample for sample, from a map's parameters. */
 
-/** 10 ms and 100 ms are whole samples at both. */
-export const ACCEPTED_RATES_HZ = [44100, 48000];
+import { ACCEPTED_RATES_HZ, CHIRP_PARAMETERS } from "./constants.js";
 
 /**
  * The group `chirp` of the parameters.
@@ -55,4 +54,32 @@ function turns({ band_low_hz: lowHz, band_high_hz: highHz, duration_s: durationS
 /** @param {number} edgeS @param {number} fadeS */
 function fade(edgeS, fadeS) {
   return fadeS === 0 ? 1 : 0.5 - 0.5 * Math.cos(Math.PI * Math.min(edgeS / fadeS, 1));
+}
+
+// The excitation as recording.json tells it.
+
+/**
+ * What is played, as recording.json says it.
+ * @typedef {{kind: string, band_hz: number[], duration_s: number, period_s: number}} Chirp
+ */
+
+/** @type {Chirp} */
+export const CHIRP = {
+  kind: CHIRP_PARAMETERS.kind, band_hz: [CHIRP_PARAMETERS.band_low_hz, CHIRP_PARAMETERS.band_high_hz],
+  duration_s: CHIRP_PARAMETERS.duration_s, period_s: CHIRP_PARAMETERS.period_s,
+};
+
+/**
+ * One excitation with a peak of 1.
+ * @param {Chirp} chirp
+ * @param {number} rateHz one of ACCEPTED_RATES_HZ
+ * @returns {Float32Array<ArrayBuffer>}
+ */
+export function excitationOf({ band_hz: [lowHz, highHz], ...told }, rateHz) {
+  return makeChirp({ fade_s: CHIRP_PARAMETERS.fade_s, ...told, band_low_hz: lowHz, band_high_hz: highHz }, rateHz);
+}
+
+/** @param {Chirp} chirp @param {number} rateHz @returns {number} samples from one chirp to the next */
+export function periodSamples(chirp, rateHz) {
+  return Math.round(chirp.period_s * rateHz);
 }

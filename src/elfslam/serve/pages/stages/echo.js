@@ -1,15 +1,11 @@
 /** Echo cutting as elfslam.stages.echo does it, while the sound comes in. */
 
+import { DISCARDED_SAMPLES, ECHO_RATE_HZ, ECHO_SAMPLES, FACTS } from "./constants.js";
 import { makePeriodSearch } from "./echo_arrivals.js";
-import { atEchoRate, makeEnvelope } from "./echo_envelope.js";
 import { makeScheduleSearch } from "./echo_schedule.js";
-import { makeFacts } from "./echo_facts.js";
-import { ECHO_SAMPLES } from "./encoder.js";
-import { ECHO_RATE_HZ, makeResampler } from "./resample.js";
-import { makeStream } from "../phone/stream.js";
+import { atEchoRate, makeEnvelope } from "./matched_filter.js";
+import { makeResampler, makeStream } from "./resample.js";
 
-/** 10 ms of direct path and 1 ms of reflection off the holder's body, at 44.1 kHz. */
-export const DISCARDED_SAMPLES = 485;
 /** Sound that is remembered at the most, whatever is still waited for. */
 const REMEMBERED = 10 * ECHO_RATE_HZ;
 /** Of the envelope so much is there for whoever listens to others, which waits for the own chirps. */
@@ -20,7 +16,6 @@ const UNASKED = 1000;
 /**
  * @typedef {import("./echo_arrivals.js").Arrival} Arrival
  * @typedef {import("./echo_arrivals.js").EchoParameters} EchoParameters
- * @typedef {import("./echo_facts.js").FrameFacts} FrameFacts
  * @typedef {import("./echo_schedule.js").ScheduleSearch} ScheduleSearch
  * @typedef {{tS: number, samples: Float32Array, directLevel: number,
  *   facts: {lateS: number, jumpedS: number}}} Echo tS: of the direct arrival, on the clock of the samples
@@ -29,7 +24,7 @@ const UNASKED = 1000;
  *   frames: () => FrameFacts[],
  *   played: (tS: number, gainDb?: number) => void,
  *   latenessS: () => number | null,
- *   heard: import("../phone/hearing.js").HeardSound & {sampleAt: (tS: number) => number}}} EchoCutter
+ *   heard: import("./hearing.js").HeardSound & {sampleAt: (tS: number) => number}}} EchoCutter
  *   latenessS: from playing to hearing, null before a told chirp was heard; heard: at 44.1 kHz
  */
 
@@ -188,4 +183,92 @@ function makeInput(rateHz) {
   };
   const startS = () => /** @type {number} */ (start) / rateHz;
   return { push, end: resampler.end, hasBegun: () => start !== null, startS };
+}
+
+// What else was heard around each chirp, as elfslam.stages.echo's frame_facts says it.
+
+/** QUIET: from how long before a direct arrival to how long before it nothing should be heard; OVER: behind it. */
+const { QUIET, OVER, FULL_SCALE } = FACTS;
+
+/**
+ * @typedef {import("./resample.js").Stream} Stream
+ * @typedef {{sound: Stream, envelope: Stream}} Heard
+ * @typedef {import("./echo_arrivals.js").Arrival & {gainDb?: number}} Played
+ */
+
+/**
+ * Of the envelope of the matched filter: `level` of the direct sound, `before` the largest in the quiet
+ * stretch before it over that, `noise` the typical there.
+ * @typedef {{dueS: number, lateS: number, level: number, before: number, noise: number, clipped: number,
+ *   gainDb?: number}} FrameFacts dueS: when its direct sound was due; lateS: how much later it came, NaN where
+ *   it did not; clipped: share of samples at full scale; gainDb: how loud it was played, where that was told
+ */
+
+/**
+ * Facts of chirps as they become complete, which is when their echoes are over.
+ * @returns {{take: (arrivals: Played[], heard: Heard, isOver: boolean) => FrameFacts[], needs: () => number}}
+ */
+function makeFacts() {
+  /** @type {number | null} */
+  let before = null;
+  /** @type {Played[]} */
+  const waiting = [];
+
+  /** @param {Played[]} arrivals @param {Heard} heard @param {boolean} isOver */
+  const take = (arrivals, heard, isOver) => {
+    waiting.push(...arrivals);
+    const facts = [];
+    while (waiting.length > 0 && isComplete(heard.sound, isOver)) {
+      const arrival = /** @type {Played} */ (waiting.shift());
+      facts.push(factsOf(arrival, before, heard));
+      before = arrival.sample;
+    }
+    return facts;
+  };
+
+  /** By then its echo is cut, which spoofing wants first. @param {Stream} sound @param {boolean} isOver */
+  const isComplete = (sound, isOver) => isOver || sound.end() >= waiting[0].sample + OVER;
+
+  return { take, needs: () => (waiting.length > 0 ? waiting[0].sample - QUIET[0] : Infinity) };
+}
+
+/**
+ * @param {Played} arrival @param {number | null} before @param {Heard} heard
+ * @returns {FrameFacts}
+ */
+function factsOf({ sample, due, level, isFound, gainDb }, before, { sound, envelope }) {
+  const dueS = due / ECHO_RATE_HZ;
+  const lateS = isFound ? (sample - due) / ECHO_RATE_HZ : NaN;
+  const nothing = { dueS, lateS, level: 0, before: 0, noise: 0, clipped: 0, gainDb };
+  if (sample < 0 || sample >= envelope.end()) return nothing;
+  const begin = Math.max(sample - QUIET[0], before === null ? 0 : before + OVER, 0);
+  const quiet = between(envelope, begin, sample - QUIET[1]);
+  const frame = between(sound, sample, Math.min(sample + OVER, sound.end()));
+  return {
+    dueS,
+    lateS,
+    level,
+    before: most(quiet) / Math.max(level, 1e-9),
+    noise: middle(quiet),
+    clipped: frame.filter((value) => Math.abs(value) >= FULL_SCALE).length / frame.length,
+    gainDb,
+  };
+}
+
+/** @param {Stream} stream @param {number} from @param {number} to */
+function between(stream, from, to) {
+  return stream.slice(from, Math.max(Math.min(to, stream.end()), from));
+}
+
+/** @param {Float32Array} values */
+function most(values) {
+  return values.reduce((highest, value) => Math.max(highest, value), 0);
+}
+
+/** @param {Float32Array} values */
+function middle(values) {
+  if (values.length === 0) return 0;
+  const half = values.length >> 1;
+  const sorted = values.sort();
+  return values.length % 2 ? sorted[half] : (sorted[half - 1] + sorted[half]) / 2;
 }

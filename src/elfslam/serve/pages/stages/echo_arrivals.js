@@ -7,14 +7,14 @@
  * until frames have them.
  */
 
-import { earliest, median, strongest } from "../phone/matched_filter.js";
-import { ECHO_RATE_HZ } from "./resample.js";
+import { ECHO_RATE_HZ } from "./constants.js";
+import { earliest, median, strongest } from "./matched_filter.js";
 
 /** Frames of which the typical level is known: five seconds, after which another volume is the usual one. */
 const REMEMBERED = 50;
 
 /**
- * @typedef {import("../phone/stream.js").Stream} Stream
+ * @typedef {import("./resample.js").Stream} Stream
  * @typedef {{slack_s: number, early_s: number, latest_s: number, early_share: number, level_share: number,
  *   contrast: number}} EchoParameters the group `echo`
  * @typedef {{sample: number, due: number, level: number, jumped: number, isFound: boolean, played?: number}} Arrival at

@@ -1,9 +1,8 @@
 /** The encoder: the same ONNX file as in Python, run by onnxruntime's WebAssembly on one thread. */
 
-import { ELF_SIZE } from "./floor_map.js";
+import { ECHO_SAMPLES, ELF_SIZE, MEAN_NORMALISATION } from "./constants.js";
 import { marked } from "../shared/marked.js";
 
-export const ECHO_SAMPLES = 2352;
 const AT_ONCE = 256;
 const VENDORED = new URL("../vendor/onnxruntime-web/", import.meta.url).href;
 
@@ -75,7 +74,7 @@ export function encoderFor(floorMap, encoder) {
 }
 
 /** @param {BufferSource} bytes @returns {Promise<string>} hexadecimal */
-export async function sha256(bytes) {
+async function sha256(bytes) {
   const digest = new Uint8Array(await crypto.subtle.digest("SHA-256", bytes));
   return Array.from(digest, (byte) => byte.toString(16).padStart(2, "0")).join("");
 }
@@ -125,4 +124,49 @@ function checkTraces(samples, n) {
       `echoes: wanted ${n} of ${ECHO_SAMPLES} samples, got ${samples.length} samples; cut them again`,
     );
   }
+}
+
+// What all echoes of a walk have in common is the phone's and tells no place: as elfslam.stages.feature takes it away.
+
+/** A walk begins with so many echoes of nothing; an echo is compared with the one so many before it: above that cosine
+ * the phone stands, and the echo hardly counts, or the mean would fill with that place. */
+const { PRIOR_FRAMES, STILL_ECHOES, STILL, STILL_WEIGHT } = MEAN_NORMALISATION;
+
+/**
+ * Takes the unit vectors (n, 128) of a walk as they come and gives each less the mean of those so far, made unit again.
+ * @returns {(vectors: Float32Array) => Float32Array}
+ */
+export function makeMeanNormalisation() {
+  const sum = new Float64Array(ELF_SIZE);
+  let counted = PRIOR_FRAMES;
+  /** @type {Float32Array[]} */
+  let lately = [];
+
+  /** @param {Float32Array} vector */
+  const count = (vector) => {
+    const isStill = lately.length === STILL_ECHOES && cosine(vector, lately[0]) > STILL;
+    lately = [...lately, vector.slice()].slice(-STILL_ECHOES);
+    const weight = isStill ? STILL_WEIGHT : 1;
+    counted += weight;
+    vector.forEach((value, d) => (sum[d] += weight * value));
+  };
+
+  /** @param {Float32Array} vector */
+  const own = (vector) => {
+    count(vector);
+    const rest = Float64Array.from(vector, (value, d) => value - sum[d] / counted);
+    const length = Math.max(Math.hypot(...rest), 1e-12);
+    return rest.map((value) => value / length);
+  };
+
+  return (vectors) => {
+    const normalised = new Float32Array(vectors.length);
+    for (let at = 0; at < vectors.length; at += ELF_SIZE) normalised.set(own(vectors.subarray(at, at + ELF_SIZE)), at);
+    return normalised;
+  };
+}
+
+/** @param {Float32Array} a @param {Float32Array} b unit vectors */
+function cosine(a, b) {
+  return a.reduce((total, value, d) => total + value * b[d], 0);
 }

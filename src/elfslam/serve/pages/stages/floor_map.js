@@ -1,8 +1,7 @@
 /** A floor map in the page, and what is known of its spots. */
 
+import { ELF_SIZE } from "./constants.js";
 import { marked } from "../shared/marked.js";
-
-export const ELF_SIZE = 128;
 
 /**
  * @typedef {{
@@ -15,14 +14,14 @@ export const ELF_SIZE = 128;
  *   echo: import("./echo_arrivals.js").EchoParameters,
  *   locate: import("./locate.js").LocateParameters,
  *   medium_access: import("./medium_access.js").MediumAccessParameters,
- *   motion: import("./motion/types.js").MotionParameters,
+ *   motion: import("./motion/filters.js").MotionParameters,
  *   spoofing: import("./spoofing.js").SpoofingParameters,
  *   track: import("./track.js").TrackParameters,
  * }} MapParameters
  */
 
 /** @param {FloorMap} floorMap @returns {number} how many spots it has */
-export function spotCount(floorMap) {
+function spotCount(floorMap) {
   return floorMap.headingRad.length;
 }
 

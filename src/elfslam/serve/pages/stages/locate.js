@@ -1,6 +1,6 @@
 /** One-shot localization as elfslam.stages.locate does it: a few echoes against a map. */
 
-import { ELF_SIZE } from "./floor_map.js";
+import { ELF_SIZE } from "./constants.js";
 
 /**
  * @typedef {"OK" | "AMBIGUOUS" | "UNKNOWN_PLACE" | "NO_ECHO" | "SUSPECT"} Status
@@ -56,7 +56,7 @@ function firstAtOrAfter(tS, whenS) {
  * @param {import("./floor_map.js").FloorMap} floorMap
  * @returns {Float32Array}
  */
-export function likeness(mean, { vectors }) {
+export function similarity(mean, { vectors }) {
   const length = Math.max(Math.sqrt(mean.reduce((sum, value) => sum + value * value, 0)), 1e-9);
   const direction = mean.map((value) => value / length);
   const scores = new Float32Array(vectors.length / ELF_SIZE);
@@ -74,7 +74,7 @@ export function likeness(mean, { vectors }) {
 
 /**
  * The fix at `tS` from how alike each spot is then; null where too little was heard.
- * Belief over the spots falls exponentially with their likeness; the fix is its mean near the best spot
+ * Belief over the spots falls exponentially with their similarity; the fix is its mean near the best spot
  * and the covariance its spread there, plus the spot's own.
  * @param {Float32Array | null} scores (m)
  * @param {import("./floor_map.js").FloorMap} floorMap

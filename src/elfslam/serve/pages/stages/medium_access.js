@@ -14,13 +14,6 @@
  * @typedef {{mine: boolean[], quiet: number[], sure: number[], alone: number, shiftS: number}} SlotSchedule
  */
 
-/** @type {MediumAccessParameters} as long as no map brings its own */
-export const MEDIUM_ACCESS = {
-  jitter_s: 0.025, softer_db: 4, slots: 8, listen: 8, forget: 100, check: 0.3, check_least: 0.08, check_alone: 0.05,
-  free_after: 2,
-  claim: 0.5, keep: 0.5, challenge: 0.05, stir: 0.01, follow: 0.05, contrast: 3, share: 0.006, frames: 2,
-};
-
 /** Where everybody begins: listening. @param {MediumAccessParameters} parameters @returns {SlotSchedule} */
 export function initialSchedule({ slots, forget, listen }) {
   const nothing = Array(slots).fill(0);

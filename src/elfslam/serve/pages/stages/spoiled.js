@@ -3,19 +3,16 @@
  * arrival, where nothing of ours sounds, and what stands out over the same moment of the frames around.
  */
 
-import { BIN, DIRECT, GUARD, LULL, pooled } from "./listening.js";
-import { ECHO_RATE_HZ } from "./resample.js";
+import { ECHO_RATE_HZ, FOREIGN } from "./constants.js";
+import { makeHearing, pooled } from "./hearing.js";
 
-/** Bins behind a direct arrival in which its echoes are kept. */
-const FRAME = 178;
-/** Bins before a direct arrival: another's chirp there still sounds in its echoes. */
-const QUIET = 55;
-/** Bins by which an echo may move from frame to frame. */
-const WIDER = 3;
+/**
+ * FRAME: bins behind a direct arrival in which its echoes are kept; QUIET: bins before it, another's chirp there still
+ * sounds in its echoes; WIDER: bins by which an echo may move; FEWEST: frames before one can tell what is usual.
+ */
+const { BIN, DIRECT, FEWEST, FRAME, GUARD, LULL, QUIET, WIDER } = FOREIGN;
 /** Frames further apart are too different to be compared. */
-const NEAR = 0.45 * ECHO_RATE_HZ;
-/** Frames before one can tell what is usual. */
-const FEWEST = 2;
+const NEAR = FOREIGN.NEAR_S * ECHO_RATE_HZ;
 
 /**
  * @typedef {import("./echo.js").Echo} Echo
@@ -29,7 +26,7 @@ const FEWEST = 2;
  */
 
 /** Up to which sample the envelope must reach before a frame can be looked at. @param {number} sample */
-export function reachOf(sample) {
+function reachOf(sample) {
   return sample + FRAME * BIN;
 }
 
@@ -84,7 +81,7 @@ function middle(values) {
 /**
  * Keeps back spoiled echoes as they come. While others are about an echo waits for those behind it that tell
  * what is usual, or until none can come any more; else it goes on at once.
- * @param {import("../phone/hearing.js").HeardSound & {sampleAt: (tS: number) => number}} heard
+ * @param {import("./hearing.js").HeardSound & {sampleAt: (tS: number) => number}} heard
  * @param {MediumAccessParameters} parameters
  * @returns {{take: (echoes: Echo[], isAmongOthers: boolean) => Echo[]}}
  */
@@ -129,4 +126,40 @@ export function makeSpoiled(heard, parameters) {
   };
 
   return { take };
+}
+
+// Hears other phones in the slots of our turns, by the envelope that the echoes are cut by.
+
+/**
+ * @typedef {{slot: number, startS: number, playedS: number | null}} Slot when it starts, and when the own
+ *   chirp in it is played
+ */
+
+/**
+ * @param {import("./echo.js").EchoCutter} cutter
+ * @param {number} periodS
+ * @param {import("./medium_access.js").MediumAccessParameters} parameters
+ * @returns {{add: (slot: Slot) => void, take: () => import("./hearing.js").Heard[],
+ *   clean: (echoes: import("./echo.js").Echo[]) => import("./echo.js").Echo[]}} take: what
+ *   was heard in the slots that are over; after the first sound only. clean: echoes without those that others
+ *   have spoiled, as long as others are about
+ */
+export function hearOthers({ heard }, periodS, parameters) {
+  const hearing = makeHearing(ECHO_RATE_HZ, Math.round(periodS * ECHO_RATE_HZ), parameters);
+  const spoiled = makeSpoiled(heard, parameters);
+  /** @type {Slot[]} */
+  let waiting = [];
+  let alone = parameters.forget;
+  const take = () => {
+    for (const { slot, startS, playedS } of waiting) {
+      const played = playedS === null ? null : heard.sampleAt(playedS);
+      hearing.add({ slot, start: heard.sampleAt(startS), played });
+    }
+    waiting = [];
+    const found = hearing.take(heard);
+    for (const { othersS } of found) alone = othersS.length > 0 ? 0 : alone + 1;
+    return found;
+  };
+  const clean = (/** @type {import("./echo.js").Echo[]} */ echoes) => spoiled.take(echoes, alone < parameters.forget);
+  return { add: (slot) => waiting.push(slot), take, clean };
 }

@@ -1,13 +1,8 @@
 /** Whether what is heard can be the room's answer to the phone's own chirps: elfslam.stages.spoofing, live. */
 
+import { SPOOFING } from "./constants.js";
 import { marked } from "../shared/marked.js";
 
-/** Into so many parts of equal length an echo trace falls. */
-const PARTS = 4;
-/** What the fourth difference makes of the middle of the band. */
-const SHARPENED = (2 * Math.sin((Math.PI * 17_500) / 44_100)) ** 4;
-/** Chirps whose median says when a direct arrival is due. */
-const RECENT = 7;
 /** An echo belongs to the frame whose direct sound came then, within so many seconds. */
 const SAME_S = 1e-3;
 /** Clean echoes that wait for the frames they belong to, at the most. */
@@ -24,10 +19,12 @@ export const REASONS = [
   marked("echoes do not follow the loudness of their chirps"),
 ];
 const LAGGING = REASONS.length - 1;
-/** White noise in an echo trace (rms of fourth differences) over that in the envelope (median). */
-const HISS = 7.7;
-/** Both limits of a lag are so much lower while SUSPECT. */
-const CALM = 0.5;
+/**
+ * PARTS: of equal length, of an echo trace; SHARPENED: what the fourth difference makes of the middle of the band; RECENT:
+ * chirps whose median says when a direct arrival is due; HISS: white noise in an echo trace (rms of fourth differences)
+ * over that in the envelope (median); CALM: both limits of a lag are so much lower while SUSPECT.
+ */
+const { CALM, HISS, PARTS, RECENT, SHARPENED } = SPOOFING;
 
 /**
  * @typedef {{dueS: number, lateS: number, level: number, before: number, noise: number, clipped: number,

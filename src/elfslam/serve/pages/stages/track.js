@@ -1,21 +1,21 @@
 /**
- * A live tracker: many guesses of where the walker is, moved by footsteps and weighed by echoes. The same,
+ * A live tracker: many particles of where the walker is, moved by footsteps and weighed by echoes. The same,
  * draw by draw, as elfslam.stages.track.
  */
 
-import { aroundOf, covarianceOf, nowhere, placeOf } from "./tracking/fix.js";
-import { drawn, moved, placesOf, renewed, weighed } from "./tracking/guesses.js";
-import { furtherLikeness, reachOf } from "./tracking/jumping.js";
-import { nearestIn, treeOf } from "./tracking/nearest.js";
-import { halfwayBetween, movedBy } from "./tracking/poses.js";
+import { nearestIn, treeOf } from "./nearest.js";
+import {
+  aroundOf, covarianceOf, densest, drawn, halfwayBetween, moved, movedBy, nowhere, placeOf, placesOf, renewed,
+  weighed,
+} from "./particles.js";
 
 /**
- * @typedef {import("./tracking/cloud.js").Cloud} Cloud
- * @typedef {import("./tracking/fix.js").Fix} Fix
- * @typedef {import("./tracking/fix.js").Spots} Spots
- * @typedef {import("./tracking/random.js").Random} Random
+ * @typedef {import("./particles.js").Cloud} Cloud
+ * @typedef {import("./particles.js").Fix} Fix
+ * @typedef {import("./particles.js").Spots} Spots
+ * @typedef {import("./particles.js").Random} Random
  * @typedef {import("./locate.js").Status} Status
- * @typedef {{cloud: Cloud, middle: Float64Array}} Guessed middle: poses in the middle of the step
+ * @typedef {{cloud: Cloud, middle: Float64Array}} Updated middle: poses in the middle of the step
  * @typedef {{
  *   ambiguous_below: number, heading_reach_rad: number, jump: number, memory: number,
  *   near_m: number, neighbours: number, particles: number, reach_m: number, regained: number,
@@ -39,7 +39,7 @@ export function makeTracker(floorMap, parameters, random) {
   const nearest = nearestIn(treeOf(placesOf(floorMap, parameters)), count);
   /** @type {Cloud | null} */
   let cloud = null;
-  let likeness = NaN;
+  let smoothed = NaN;
   let settled = 0;
   let isDoubting = false;
 
@@ -51,7 +51,7 @@ export function makeTracker(floorMap, parameters, random) {
     const scores = given && !Number.isNaN(given[0]) && !isSuspect ? given : null;
     if (cloud === null && scores === null) return nowhere(NaN, isSuspect ? "SUSPECT" : "NO_ECHO");
     const isFirst = cloud === null;
-    const after = guessed(cloud, move, sigma, scores);
+    const after = updated(cloud, move, sigma, scores);
     if (isSuspect) isDoubting = true;
     else if (scores && !isFirst) isDoubting = isJump(after, scores);
     if (isSuspect || (scores && isDoubting)) {
@@ -64,18 +64,18 @@ export function makeTracker(floorMap, parameters, random) {
     settled += fix.status === "OK" ? 1 : 0;
     return fix;
   };
-  /** @param {Guessed} after @param {Float32Array} scores */
+  /** @param {Updated} after @param {Float32Array} scores */
   const isJump = ({ cloud: { scale, weight }, middle }, scores) => {
     if (settled < parameters.settled) return false;
-    const further = furtherLikeness({ poses: middle, scale, weight }, floorMap, scores, parameters.near_m);
+    const further = furtherSimilarity({ poses: middle, scale, weight }, floorMap, scores, parameters.near_m);
     return further > (isDoubting ? parameters.regained : parameters.jump);
   };
   /**
    * Without a cloud before there are scores.
    * @param {Cloud | null} before @param {ArrayLike<number>} move @param {ArrayLike<number>} sigma
-   * @param {Float32Array | null} scores @returns {Guessed}
+   * @param {Float32Array | null} scores @returns {Updated}
    */
-  const guessed = (before, move, sigma, scores) => {
+  const updated = (before, move, sigma, scores) => {
     if (before === null) {
       const heard = /** @type {Float32Array} */ (scores);
       const first = drawn(floorMap, heard, move, parameters.particles, parameters, random);
@@ -84,24 +84,59 @@ export function makeTracker(floorMap, parameters, random) {
     const after = moved(before, move, sigma, parameters, random);
     return { cloud: after, middle: halfwayBetween(before.poses, after.poses) };
   };
-  /** @param {Cloud} guesses @param {Float32Array | null} scores @param {Status} unheard @returns {Fix} */
-  const fixed = (guesses, scores, unheard) => {
-    const place = placeOf(guesses, parameters, unheard === "SUSPECT" ? reachOf : undefined);
+  /** @param {Cloud} particles @param {Float32Array | null} scores @param {Status} unheard @returns {Fix} */
+  const fixed = (particles, scores, unheard) => {
+    const place = placeOf(particles, parameters, unheard === "SUSPECT" ? reachOf : undefined);
     const around = aroundOf(floorMap, place.xyM, scores, parameters.near_m);
-    if (scores) likeness = remembered(likeness, around.likeness, parameters.memory);
+    if (scores) smoothed = remembered(smoothed, around.similarity, parameters.memory);
     const isSuspect = unheard === "SUSPECT" && !scores;
-    if (isSuspect && settled < parameters.settled) return nowhere(likeness, "SUSPECT");
-    if (!isSuspect && likeness < parameters.unknown_below) return nowhere(likeness, "UNKNOWN_PLACE");
+    if (isSuspect && settled < parameters.settled) return nowhere(smoothed, "SUSPECT");
+    if (!isSuspect && smoothed < parameters.unknown_below) return nowhere(smoothed, "UNKNOWN_PLACE");
     const own = floorMap.covarianceM2.slice(3 * around.closest, 3 * around.closest + 3);
-    const covarianceM2 = covarianceOf(guesses, place, own, parameters);
+    const covarianceM2 = covarianceOf(particles, place, own, parameters);
     const certain = place.belief < parameters.ambiguous_below ? "AMBIGUOUS" : "OK";
     const status = scores ? certain : unheard;
-    return { xyM: place.xyM, headingRad: place.headingRad, covarianceM2, score: likeness, status };
+    return { xyM: place.xyM, headingRad: place.headingRad, covarianceM2, score: smoothed, status };
   };
   return { step };
 }
 
-/** @param {number} past @param {number} likeness @param {number} memory */
-function remembered(past, likeness, memory) {
-  return memory * (Number.isNaN(past) ? likeness : past) + (1 - memory) * likeness;
+/** @param {number} past @param {number} smoothed @param {number} memory */
+function remembered(past, smoothed, memory) {
+  return memory * (Number.isNaN(past) ? smoothed : past) + (1 - memory) * smoothed;
+}
+
+// Whether a walker is heard where no step can have led.
+
+/**
+ * How far from the best place particles may reach: twice as far as half of them, and a little.
+ * @param {Float64Array} poses (3p) @param {number[]} best (2) @param {number} nearM @returns {number}
+ */
+export function reachOf(poses, [x, y], nearM) {
+  const away = new Float64Array(poses.length / 3);
+  for (let k = 0; k < away.length; k += 1) {
+    away[k] = Math.sqrt((poses[3 * k] - x) ** 2 + (poses[3 * k + 1] - y) ** 2);
+  }
+  away.sort();
+  const half = away.length >> 1;
+  const median = away.length % 2 ? away[half] : (away[half - 1] + away[half]) / 2;
+  return nearM / 2 + 2 * median;
+}
+
+/**
+ * How much more alike some place is than all within reach of the particles.
+ * @param {import("./particles.js").Cloud} cloud particles in the middle of the step
+ * @param {import("./particles.js").Spots} floorMap @param {Float32Array} scores @param {number} nearM
+ * @returns {number}
+ */
+function furtherSimilarity(cloud, { xyM }, scores, nearM) {
+  const [x, y] = densest(cloud, nearM);
+  const reachM = reachOf(cloud.poses, [x, y], nearM);
+  let [here, anywhere] = [-1, -Infinity];
+  for (let k = 0; k < scores.length; k += 1) {
+    anywhere = Math.max(anywhere, scores[k]);
+    const away = Math.sqrt((xyM[2 * k] - x) ** 2 + (xyM[2 * k + 1] - y) ** 2);
+    if (away <= reachM) here = Math.max(here, scores[k]);
+  }
+  return anywhere - here;
 }

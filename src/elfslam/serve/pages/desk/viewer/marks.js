@@ -4,7 +4,7 @@ import { dot } from "../../shared/map/ground.js";
 import { corners, middle } from "../../shared/map/placement.js";
 import { drawPointsOfInterest } from "../../shared/map/points_of_interest.js";
 import { toScreen } from "../../shared/map/projection.js";
-import { placesOf } from "./tying.js";
+import { placesOf } from "./georeferencing.js";
 
 /** @typedef {import("../../shared/map/projection.js").Point} Point */
 /** @typedef {import("./state.js").State} State */

@@ -1,12 +1,11 @@
 // The floor plan under the map: uploading it, its place as numbers, saving.
 
-import { ask, askJson, Problem } from "../api.js";
+import { Problem, request, requestJson } from "../../shared/api.js";
 import { askPerson, confirmDelete, orSay, say } from "../dialogs.js";
-import { h } from "../../shared/dom.js";
-import { icon } from "../../shared/icons.js";
+import { h, icon } from "../../shared/dom.js";
 import { part } from "./panel.js";
-import { tiePart } from "./tie_part.js";
-import { isNegative, loadPlanImage } from "../../shared/map/plan_image.js";
+import { tiePart } from "./georeferencing.js";
+import { isNegative, loadPlanImage } from "../../shared/map/ground.js";
 import { firstPlacement, moved, rounded, turned, widened } from "../../shared/map/placement.js";
 import { t } from "../../shared/words.js";
 
@@ -88,7 +87,7 @@ export function planOf(mapId, state, bounds_m, { canEdit, redraw, changed, showA
     if (!dirty || !state.plan) return;
     dirty = false;
     const json = state.plan.placement;
-    const well = await orSay(() => ask(`${path}/placement`, { method: "PUT", json, keepalive: true }));
+    const well = await orSay(() => request(`${path}/placement`, { method: "PUT", json, keepalive: true }));
     dirty ||= !well;
     status.textContent = well ? t("Saved") : t("Not saved; change it again to retry");
   }
@@ -98,7 +97,7 @@ export function planOf(mapId, state, bounds_m, { canEdit, redraw, changed, showA
     const headers = { "Content-Type": planType(file) ?? "application/octet-stream" };
     const of = level === undefined ? "" : `?level=${encodeURIComponent(level)}`;
     try {
-      return await askJson(path + of, { method: "PUT", body: file, headers });
+      return await requestJson(path + of, { method: "PUT", body: file, headers });
     } catch (problem) {
       if (!(problem instanceof Problem) || problem.levels.length === 0) throw problem;
       const chosen = await askLevel(problem.levels);
@@ -125,7 +124,7 @@ export function planOf(mapId, state, bounds_m, { canEdit, redraw, changed, showA
 
   async function remove() {
     if (!(await confirmDelete(t("the floor plan"), t("The image and its place are deleted. The map itself stays as it is.")))) return;
-    if (!(await orSay(() => ask(path, { method: "DELETE" })))) return;
+    if (!(await orSay(() => request(path, { method: "DELETE" })))) return;
     state.plan = null;
     state.tie = null;
     state.placing = false;

@@ -1,12 +1,10 @@
 // The rooms, doors and other places of a map that have a name: their list beside it, and how one is named, moved or
 // forgotten.
 
-import { askJson, Problem } from "../api.js";
-import { field } from "../asking.js";
-import { askPerson, confirmDelete, orSay } from "../dialogs.js";
-import { smallButton } from "../parts.js";
-import { h } from "../../shared/dom.js";
-import { icon } from "../../shared/icons.js";
+import { Problem, requestJson } from "../../shared/api.js";
+import { askPerson, confirmDelete, field, orSay } from "../dialogs.js";
+import { smallButton } from "../lists.js";
+import { h, icon } from "../../shared/dom.js";
 import { KIND_WORDS } from "../../shared/map/points_of_interest.js";
 import { byName } from "../../shared/places.js";
 import { part } from "./panel.js";
@@ -31,7 +29,7 @@ export function pointsOf(mapId, state, { canEdit, redraw, changed }) {
     h("button", { type: "button", class: "button small", click: () => turn(false) }, t("Cancel")));
 
   async function load() {
-    take(await askJson(path));
+    take(await requestJson(path));
   }
 
   /** @param {{version: string, points: PointOfInterest[]}} now */
@@ -44,7 +42,7 @@ export function pointsOf(mapId, state, { canEdit, redraw, changed }) {
   /** @param {PointOfInterest[]} points */
   const save = (points) => orSay(async () => {
     try {
-      take(await askJson(path, { method: "PUT", json: { version, points } }));
+      take(await requestJson(path, { method: "PUT", json: { version, points } }));
     } catch (problem) {
       if (problem instanceof Problem && problem.status === CHANGED_MEANWHILE) await load();
       throw problem;

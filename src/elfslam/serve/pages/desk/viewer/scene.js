@@ -1,9 +1,6 @@
 // A map as the viewer needs it: walks with their lengths, paths and an index of every footstep.
 
-import { withoutMarks } from "../format.js";
-import { stretches } from "./band.js";
-import { limitsOf } from "./colours.js";
-import { indexOf } from "./nearest.js";
+import { withoutMarks } from "../../shared/format.js";
 import { around, boundsOf } from "../../shared/map/projection.js";
 
 /** @typedef {import("../../shared/map/projection.js").Point} Point */
@@ -19,7 +16,7 @@ import { around, boundsOf } from "../../shared/map/projection.js";
  * @property {null | Coverage} coverage
  */
 /** @typedef {{corner_m: Point, cell_m: number, shape: [number, number], walks: (number | null)[][], sigma_m: (number | null)[][]}} Coverage */
-/** @typedef {GivenWalk & {length_m: number, duration_s: number, middle_sigma_m: number | null, bands: import("./band.js").Stretch[]}} Walk */
+/** @typedef {GivenWalk & {length_m: number, duration_s: number, middle_sigma_m: number | null, bands: Stretch[]}} Walk */
 /** @typedef {ReturnType<typeof sceneOf>} Scene */
 
 /** @param {Given} given */
@@ -108,4 +105,159 @@ export function cellAt({ corner_m, cell_m, shape, walks, sigma_m }, [x_m, y_m]) 
   if (row < 0 || column < 0 || row >= shape[0] || column >= shape[1]) return null;
   if (!walks[row][column]) return null;
   return { walks: walks[row][column], sigma_m: sigma_m[row][column] };
+}
+
+// What lies nearest to a point: a grid over many points. Pure.
+
+/** @typedef {{points: Point[], cell_m: number, cells: Map<string, number[]>}} Index */
+
+/** @param {Point[]} points @returns {Index} */
+export function indexOf(points) {
+  const cell_m = cellFor(points);
+  /** @type {Map<string, number[]>} */
+  const cells = new Map();
+  points.forEach((point, at) => {
+    const key = keyOf(Math.floor(point[0] / cell_m), Math.floor(point[1] / cell_m));
+    const cell = cells.get(key);
+    if (cell) cell.push(at);
+    else cells.set(key, [at]);
+  });
+  return { points, cell_m, cells };
+}
+
+/** A few points to a cell. @param {Point[]} points */
+function cellFor(points) {
+  const xs = points.map((p) => p[0]);
+  const ys = points.map((p) => p[1]);
+  const range = (/** @type {number[]} */ v) => v.reduce((a, b) => Math.max(a, b), -Infinity) - v.reduce((a, b) => Math.min(a, b), Infinity);
+  const area_m2 = points.length === 0 ? 1 : range(xs) * range(ys);
+  return Math.max(0.05, Math.sqrt((4 * area_m2) / Math.max(points.length, 1)));
+}
+
+/** @param {number} column @param {number} row */
+function keyOf(column, row) {
+  return `${column},${row}`;
+}
+
+/**
+ * The index of the nearest point within reach that is `allowed`; null where there is none.
+ * @param {Index} index @param {Point} xy @param {number} reach_m @param {(at: number) => boolean} [allowed]
+ * @returns {number | null}
+ */
+export function nearest({ points, cell_m, cells }, [x, y], reach_m, allowed = () => true) {
+  let [best, best_m] = [/** @type {number | null} */ (null), reach_m];
+  const look = (/** @type {number} */ at) => {
+    const away_m = Math.hypot(points[at][0] - x, points[at][1] - y);
+    if (away_m <= best_m && allowed(at)) [best, best_m] = [at, away_m];
+  };
+  const span = (2 * reach_m) / cell_m;
+  if (span * span > cells.size) {
+    points.forEach((_, at) => look(at));
+    return best;
+  }
+  for (let column = Math.floor((x - reach_m) / cell_m); column <= (x + reach_m) / cell_m; column += 1) {
+    for (let row = Math.floor((y - reach_m) / cell_m); row <= (y + reach_m) / cell_m; row += 1) {
+      cells.get(keyOf(column, row))?.forEach(look);
+    }
+  }
+  return best;
+}
+
+// Uncertainty as a soft band: stretches of a walk of about the same sigma. Pure.
+
+/** @typedef {{sigma_m: number, points: Point[]}} Stretch */
+
+/** Sigmas this alike are drawn alike. */
+export const STEP_OF_SIGMA = 1.15;
+
+/**
+ * A walk cut where its sigma changes; neighbours share a point, so that the band has no gaps.
+ * @param {Point[]} xy_m @param {(number | null)[]} sigma_m @returns {Stretch[]}
+ */
+export function stretches(xy_m, sigma_m) {
+  /** @type {Stretch[]} */
+  const found = [];
+  let level = NaN;
+  for (let at = 0; at < xy_m.length; at += 1) {
+    const next = levelOf(sigma_m[at]);
+    if (next !== level) {
+      if (found.length > 0 && !Number.isNaN(level)) found[found.length - 1].points.push(xy_m[at]);
+      if (!Number.isNaN(next)) found.push({ sigma_m: STEP_OF_SIGMA ** next, points: [xy_m[at]] });
+    } else if (!Number.isNaN(next)) {
+      found[found.length - 1].points.push(xy_m[at]);
+    }
+    level = next;
+  }
+  return found;
+}
+
+/** @param {number | null | undefined} sigma_m @returns {number} NaN where nothing is known */
+function levelOf(sigma_m) {
+  if (sigma_m === null || sigma_m === undefined || !(sigma_m > 0)) return NaN;
+  return Math.round(Math.log(sigma_m) / Math.log(STEP_OF_SIGMA));
+}
+
+// Colours for numbers and for walks. Pure. Scales rise evenly in lightness and are read the same
+// by people with any kind of colour vision (viridis: S. van der Walt and N. Smith 2015; cividis:
+// J. R. Nunez, C. R. Anderton and R. S. Renslow 2018), given here by nine stops each.
+
+/** @typedef {[number, number, number]} Rgb 0 to 255 */
+
+/** @type {Record<string, string[]>} */
+const STOPS = {
+  viridis: ["440154", "472d7b", "3b528b", "2c728e", "21918c", "28ae80", "5ec962", "addc30", "fde725"],
+  cividis: ["00224e", "1a386f", "434e6c", "61656f", "7d7c78", "9b9476", "bcae6c", "dec958", "fee838"],
+};
+
+/** @param {string} hex six digits, with or without # @returns {Rgb} */
+export function rgbOf(hex) {
+  const number = Number.parseInt(hex.replace("#", ""), 16);
+  return [number >> 16, (number >> 8) & 255, number & 255];
+}
+
+/** @param {"viridis" | "cividis"} scale @param {number} share 0 to 1 @returns {Rgb} */
+export function colourAt(scale, share) {
+  const stops = STOPS[scale];
+  const at = Math.min(1, Math.max(0, share)) * (stops.length - 1);
+  const low = Math.min(Math.floor(at), stops.length - 2);
+  const [from, to] = [rgbOf(stops[low]), rgbOf(stops[low + 1])];
+  return /** @type {Rgb} */ (from.map((value, k) => Math.round(value + (to[k] - value) * (at - low))));
+}
+
+/** @param {Rgb} rgb @param {number} [alpha] */
+export function css([red, green, blue], alpha = 1) {
+  return `rgb(${red} ${green} ${blue} / ${alpha})`;
+}
+
+/** Lines on a ground need contrast: time runs over the part of viridis that has it.
+ * @param {number} share 0 to 1 @param {boolean} dark @returns {Rgb} */
+export function timeColour(share, dark) {
+  return colourAt("viridis", dark ? 0.36 + 0.64 * share : 0.66 * share);
+}
+
+/** Relative luminance (WCAG 2.2). @param {Rgb} rgb @returns {number} 0 to 1 */
+export function luminance(rgb) {
+  const [r, g, b] = rgb.map((value) => {
+    const share = value / 255;
+    return share <= 0.04045 ? share / 12.92 : ((share + 0.055) / 1.055) ** 2.4;
+  });
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+}
+
+/** Contrast ratio (WCAG 2.2). @param {Rgb} one @param {Rgb} other @returns {number} 1 to 21 */
+export function contrast(one, other) {
+  const [low, high] = [luminance(one), luminance(other)].sort((a, b) => a - b);
+  return (high + 0.05) / (low + 0.05);
+}
+
+/**
+ * Round limits for a scale over numbers that may hold nulls; null where there is no number.
+ * @param {(number | null)[][]} rows @returns {{low: number, high: number} | null}
+ */
+export function limitsOf(rows) {
+  const numbers = rows.flat().filter((value) => value !== null && Number.isFinite(value));
+  if (numbers.length === 0) return null;
+  const values = /** @type {number[]} */ (numbers);
+  const [low, high] = [Math.min(...values), Math.max(...values)];
+  return { low, high: high > low ? high : low + Math.max(Math.abs(low) * 0.1, 1e-3) };
 }

@@ -1,10 +1,11 @@
 // What the viewer shows at this moment, and the colours of the page it shows it in.
 
 import { fit } from "../../shared/map/projection.js";
+import { t } from "../../shared/words.js";
 
 /** @typedef {import("../../shared/map/projection.js").Point} Point */
 /** @typedef {{image: HTMLImageElement, negative: HTMLCanvasElement | HTMLImageElement, aspect: number, placement: import("../../shared/map/placement.js").Placement, inverted: boolean | null}} Plan */
-/** @typedef {{id: string, name: string, fixes: import("./fixes.js").Fix[], shown: boolean}} Located */
+/** @typedef {{id: string, name: string, fixes: Fix[], shown: boolean}} Located */
 /** @typedef {{kind: "step", walk: number, step: number} | {kind: "fix", located: number, fix: number} | {kind: "cell", xy_m: Point}} Focus */
 /** @typedef {"plan" | "coverage" | "uncertainty" | "reckoning" | "closures" | "trajectories" | "fixes" | "points"} Layer */
 /**
@@ -19,7 +20,7 @@ import { fit } from "../../shared/map/projection.js";
  * @property {Focus | null} focus what is under the finger
  * @property {Plan | null} plan
  * @property {boolean} placing whether the floor plan can be dragged
- * @property {import("./tying.js").Tie | null} tie the places by which the plan is being scaled or placed
+ * @property {import("./georeferencing.js").Tie | null} tie the places by which the plan is being scaled or placed
  * @property {import("../../shared/map/points_of_interest.js").PointOfInterest[]} points
  * @property {import("../../shared/map/points_of_interest.js").PointOfInterest | null} point the one that stands out
  * @property {boolean} naming whether the next tap names a place
@@ -75,4 +76,52 @@ export function paletteOf(element) {
       SUSPECT: colour("--closure"),
     },
   };
+}
+
+// Located walks: the CSV of a locate job. Pure.
+
+/** @typedef {{t_s: number, xy_m: [number, number] | null, heading_rad: number | null, sigma_m: number | null, status: string}} Fix */
+
+const FIX_COLUMNS = ["t_s", "x_m", "y_m", "heading_rad", "sigma_m", "status"];
+
+/** What the statuses mean to people. @type {Record<string, string>} */
+export const STATUS_WORDS = {
+  OK: t("located"),
+  AMBIGUOUS: t("several places sound alike"),
+  UNKNOWN_PLACE: t("unknown place"),
+  NO_ECHO: t("no echo heard"),
+  SUSPECT: t("sound not to be trusted"),
+};
+
+/** The rows of a fixes file; columns by name. Throws Error naming what is missing.
+ * @param {string} text @returns {Fix[]} */
+export function parseFixes(text) {
+  const [head, ...lines] = text.trim().split(/\r?\n/);
+  const names = head.split(",");
+  const missing = FIX_COLUMNS.filter((name) => !names.includes(name));
+  if (missing.length > 0) throw new Error(t("The fixes lack the column {{column}}; locate again.", { column: missing[0] }));
+  return lines.filter((line) => line !== "").map((line) => fixOf(names, line.split(",")));
+}
+
+/** @param {string[]} names @param {string[]} cells @returns {Fix} */
+function fixOf(names, cells) {
+  const cell = (/** @type {string} */ name) => cells[names.indexOf(name)] ?? "";
+  const number = (/** @type {string} */ name) => (cell(name) === "" ? null : Number(cell(name)));
+  const [x_m, y_m] = [number("x_m"), number("y_m")];
+  return {
+    t_s: Number(cell("t_s")),
+    xy_m: x_m === null || y_m === null ? null : [x_m, y_m],
+    heading_rad: number("heading_rad"),
+    sigma_m: number("sigma_m"),
+    status: cell("status"),
+  };
+}
+
+/** How many fixes have each status, the most frequent first. @param {Fix[]} fixes
+ * @returns {[string, number][]} */
+export function countStatuses(fixes) {
+  /** @type {Map<string, number>} */
+  const counts = new Map();
+  for (const { status } of fixes) counts.set(status, (counts.get(status) ?? 0) + 1);
+  return [...counts].sort((a, b) => b[1] - a[1]);
 }

@@ -1,16 +1,10 @@
 /**
  * The worker that draws the map of a walk while it is recorded. It hears and moves as the worker that locates does,
- * and answers with sketches. A leg that begins anew after an interruption goes on with the same sketch.
+ * and answers with sketches. A segment that begins anew after an interruption goes on with the same sketch.
  */
 
-import { makeChirp } from "../../stages/chirp.js";
-import { makeEchoCutter } from "../../stages/echo.js";
 import { openEncoder } from "../../stages/encoder.js";
-import { makeFootsteps } from "../../stages/motion/live.js";
-import { makeMemory } from "../locating/memory.js";
-import { delayMotion } from "../locating/motion_delay.js";
-import { hearOthers } from "../locating/others.js";
-import { makePlacer } from "../locating/placer.js";
+import { openPipeline } from "../../stages/pipeline.js";
 import { drawBySteps, makeSketch } from "./sketch.js";
 
 /** @type {ReturnType<typeof makeSketch> | null} */
@@ -19,69 +13,43 @@ let sketch = null;
 let encoder = null;
 /** What comes while the encoder opens waits for it. @type {Promise<void>} */
 let open = Promise.resolve();
-/** @type {ReturnType<typeof delayMotion>} */
-let motion = { push() {} };
-/** @type {Pick<import("../../stages/echo.js").EchoCutter, "played" | "latenessS">} */
-let cutter = { played() {}, latenessS: () => null };
-/** @type {Pick<ReturnType<typeof hearOthers>, "add">} */
-let others = { add() {} };
+/** @type {ReturnType<typeof openPipeline> | null} */
+let pipeline = null;
 
 const orders = {
-  leg,
-  /** @param {{readings: import("../locating/motion_delay.js").Reading[]}} order */
-  motion: ({ readings }) => motion.push(readings),
-  /** @param {{slot: import("../locating/others.js").Slot & {gainDb: number}}} order */
-  slot({ slot }) {
-    others.add(slot);
-    if (slot.playedS !== null) cutter.played(slot.playedS, slot.gainDb);
-  },
+  segment,
+  /** @param {{readings: import("../../stages/pipeline.js").Reading[]}} order */
+  motion: ({ readings }) => pipeline?.motion(readings),
+  /** @param {{slot: Parameters<ReturnType<typeof openPipeline>["slot"]>[0]}} order */
+  slot: ({ slot }) => pipeline?.slot(slot),
   /** @param {{name: string, tS: number}} order */
-  mark: ({ name, tS }) => sketch?.mark(name, tS + (cutter.latenessS() ?? 0)),
+  mark: ({ name, tS }) => sketch?.mark(name, tS + (pipeline?.latenessS() ?? 0)),
 };
 
 self.onmessage = ({ data }) => {
   const done = open.then(() => orders[/** @type {keyof typeof orders} */ (data.do)](data));
-  if (data.do === "leg") open = /** @type {Promise<void>} */ (done);
+  if (data.do === "segment") open = /** @type {Promise<void>} */ (done);
 };
 
 /**
  * @param {{rateHz: number, parameters: import("./growing.js").GrowingParameters,
  *   encoderBytes: Uint8Array<ArrayBuffer>, source: MessagePort}} order
  */
-async function leg({ rateHz, parameters, encoderBytes, source }) {
+async function segment({ rateHz, parameters, encoderBytes, source }) {
   try {
     encoder ??= openEncoder(encoderBytes, {});
     sketch ? sketch.gap() : (sketch = makeSketch(parameters.closure));
-    const placer = earOf(rateHz, parameters, await encoder, sketch);
-    source.onmessage = ({ data }) => placer.push(data.first, data.samples).catch(tellProblem);
+    const drawn = sketch;
+    const opened = openPipeline({
+      rateHz, parameters, listener: await encoder, onFix: tellSketch,
+      decide: (memory, footsteps) => drawBySteps({ sketch: drawn, memory, footsteps }),
+    });
+    pipeline = opened;
+    source.onmessage = ({ data }) => opened.push(data.first, data.samples).catch(tellProblem);
     self.postMessage({ is: "ready" });
   } catch (error) {
     tellProblem(error);
   }
-}
-
-/**
- * @param {number} rateHz @param {import("./growing.js").GrowingParameters} parameters
- * @param {import("../../stages/encoder.js").Encoder} listener @param {ReturnType<typeof makeSketch>} drawn
- */
-function earOf(rateHz, parameters, listener, drawn) {
-  const echoes = makeEchoCutter({ rateHz, chirp: makeChirp(parameters.chirp, rateHz), parameters });
-  const around = hearOthers(echoes, parameters.chirp.period_s, parameters.medium_access);
-  [cutter, others] = [echoes, around];
-  const memory = makeMemory(parameters.locate.fewest_echoes);
-  const footsteps = makeFootsteps(parameters.motion);
-  motion = delayMotion(footsteps, cutter.latenessS);
-  const deciding = drawBySteps({ sketch: drawn, memory, footsteps });
-  const { clean, take } = around;
-  const listening = makePlacer({ rateHz, cutter: echoes, clean, listener, memory, deciding, onFix: tellSketch });
-  return {
-    /** @param {number} first @param {Float32Array} samples */
-    push(first, samples) {
-      const done = listening.push(first, samples);
-      take();
-      return done;
-    },
-  };
 }
 
 /** @param {import("./sketch.js").Sketch} now */

@@ -3,8 +3,7 @@
  * places that the walker has marked. The server makes the map itself, anew and with more care. Pure.
  */
 
-import { makeClosureSearch, unrivalled } from "../../stages/growing_closures.js";
-import { makeGrowingGraph } from "../../stages/growing_graph.js";
+import { makeClosureSearch, makeGrowingGraph, unrivalled } from "../../stages/growing_graph.js";
 import { stepsUntil } from "../locating/deciding.js";
 
 /** Where a walk was interrupted nobody knows where the walker went meanwhile. */
@@ -27,10 +26,10 @@ const WORTH = 12;
  *   next: [number, number] | null}} Sketch poses: x m, y m, heading rad of each footstep; loops: footsteps at one
  *   place; gaps: footsteps before which the walk was interrupted; next: the first and the last footstep of the
  *   stretch to walk again
- * @typedef {import("../../stages/motion/types.js").Step} Step
+ * @typedef {import("../../stages/motion/filters.js").Step} Step
  */
 
-/** @param {import("../../stages/growing_closures.js").ClosureParameters} closure parameters */
+/** @param {import("../../stages/growing_graph.js").ClosureParameters} closure parameters */
 export function makeSketch(closure) {
   const graph = makeGrowingGraph();
   const search = makeClosureSearch(closure);
@@ -119,7 +118,7 @@ export function nextStretch(count, loops) {
 
 /**
  * As `decide` of a walker on a map, with a sketch in place of fixes.
- * @param {{sketch: ReturnType<typeof makeSketch>, memory: ReturnType<typeof import("../locating/memory.js").makeMemory>,
+ * @param {{sketch: ReturnType<typeof makeSketch>, memory: ReturnType<typeof import("../../stages/pipeline.js").makeMemory>,
  *   footsteps: {take: (nowS: number) => Step[]}}} given
  * @returns {{decide: (untilS: number) => Sketch[]}} one where footsteps have come, else none
  */

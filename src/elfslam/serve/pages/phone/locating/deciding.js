@@ -1,6 +1,6 @@
 /** When there is a fix, and what it is: footstep by footstep, or every 0.6 s of sound. */
 
-import { fixOf, likeness } from "../../stages/locate.js";
+import { fixOf, similarity } from "../../stages/locate.js";
 import { REASONS } from "../../stages/spoofing.js";
 import { marked } from "../../shared/marked.js";
 
@@ -14,7 +14,7 @@ import { marked } from "../../shared/marked.js";
  * @typedef {{reasonAt: (endS: number) => number}} SpoofingCheck number of the reason to suspect what was heard, 0
  *   for none
  * @typedef {import("./words.js").Fix} Fix
- * @typedef {import("../../stages/motion/types.js").Step} Step
+ * @typedef {import("../../stages/motion/filters.js").Step} Step
  */
 
 /** @type {SpoofingCheck} */
@@ -28,7 +28,7 @@ const LOOK_EVERY_S = 0.2;
 /**
  * A fix at each footstep.
  * @param {{
- *   floorMap: import("../../stages/floor_map.js").FloorMap, memory: ReturnType<typeof import("./memory.js").makeMemory>,
+ *   floorMap: import("../../stages/floor_map.js").FloorMap, memory: ReturnType<typeof import("../../stages/pipeline.js").makeMemory>,
  *   footsteps: {take: (nowS: number) => Step[]},
  *   tracker: ReturnType<typeof import("../../stages/track.js").makeTracker>,
  *   spoofing?: SpoofingCheck,
@@ -42,7 +42,7 @@ export function decideBySteps({ floorMap, memory, footsteps, tracker, spoofing =
     const mean = memory.mean(fromS, tS);
     const reason = spoofing.reasonAt(tS);
     memory.forget(tS);
-    const fix = tracker.step(moveM, sigma, mean && likeness(mean, floorMap), reason > 0);
+    const fix = tracker.step(moveM, sigma, mean && similarity(mean, floorMap), reason > 0);
     return { ...fix, tS, ...(fix.status === "SUSPECT" && { reason: reason > 0 ? REASONS[reason] : JUMPS }) };
   };
   return { decide: (untilS) => ready(untilS).map(fixOfStep) };
@@ -69,7 +69,7 @@ export function stepsUntil(footsteps) {
 /**
  * A fix for every window of sound, one after the other, from the first echo on.
  * @param {{floorMap: import("../../stages/floor_map.js").FloorMap,
- *   memory: ReturnType<typeof import("./memory.js").makeMemory>, spoofing?: SpoofingCheck}} given
+ *   memory: ReturnType<typeof import("../../stages/pipeline.js").makeMemory>, spoofing?: SpoofingCheck}} given
  * @returns {Deciding}
  */
 export function decideByWindows({ floorMap, memory, spoofing = UNCHECKED }) {
@@ -79,7 +79,7 @@ export function decideByWindows({ floorMap, memory, spoofing = UNCHECKED }) {
   /** @param {number} fromS @param {number} toS */
   const fixOfWindow = (fromS, toS) => {
     const mean = memory.mean(fromS, toS);
-    const fix = fixOf(mean && likeness(mean, floorMap), floorMap, locate, (fromS + toS) / 2);
+    const fix = fixOf(mean && similarity(mean, floorMap), floorMap, locate, (fromS + toS) / 2);
     const reason = spoofing.reasonAt(toS);
     memory.forget(toS);
     return reason > 0 ? suspected(fix, REASONS[reason]) : fix;

@@ -1,26 +1,26 @@
 /** The view "Where am I": a walker on a map, from the tap that starts it to the one that stops it. */
 
-import { loadPlanImage } from "../../shared/map/plan_image.js";
-import { at, showView } from "../view.js";
-import { stayAwake } from "../wake.js";
+import { loadPlanImage } from "../../shared/map/ground.js";
+import { KIND_WORDS } from "../../shared/map/points_of_interest.js";
+import { byName } from "../../shared/places.js";
+import { t } from "../../shared/words.js";
+import { stayAwake } from "../devices.js";
+import { at, make, showView } from "../view.js";
 import { makeChoosing } from "./choosing.js";
-import { makeConsent, offerDeletion } from "./consent.js";
-import { tableOfFixes } from "./fixes_table.js";
 import { startPlacing } from "./place.js";
-import { mountPlaceMap } from "./place_map.js";
-import { offerFixes, showMap, showRunning, showWords, speak, speakPlace } from "./place_view.js";
-import { showFixes } from "./showing.js";
-import { NO_TRAIL } from "./trail.js";
-import { offerWays } from "./way.js";
-import { READYING, STOPPED, WAITING } from "./words.js";
+import { NO_TRAIL, mountPlaceMap, withFix } from "./place_map.js";
+import { offerFixes, showMap, showPlaceFacts, showRunning, showWords, speak, speakPlace } from "./place_view.js";
+import { makeConsent, offerDeletion } from "./position_publisher.js";
+import { pointsOf, walkedGroundOf, wayFrom, wayWords, waysTo } from "./walked_ground.js";
+import { READYING, STOPPED, WAITING, wordsOf } from "./words.js";
 
 /**
  * What the view knows.
  * @typedef {object} Here
- * @property {import("../../keeping/opening.js").Opened | null} kept the map
+ * @property {import("../../keeping/packages.js").Opened | null} kept the map
  * @property {ReturnType<typeof mountPlaceMap> | null} map
  * @property {ReturnType<typeof offerWays> | null} ways to its named places
- * @property {import("./trail.js").Trail} trail
+ * @property {import("./place_map.js").Trail} trail
  * @property {(() => void) | null} running stops it
  */
 
@@ -39,7 +39,7 @@ export function makeLocating({ devices, act, problem, paired }) {
   offerDeletion({ act });
   const choosing = makeChoosing({ act, chosen: open, paired });
 
-  /** @param {import("./maps.js").MapRow} row @param {import("../../keeping/packages.js").Packages} packages */
+  /** @param {import("./choosing.js").MapRow} row @param {import("../../keeping/packages.js").Packages} packages */
   async function open(row, packages) {
     const opening = devices(); // before anything is waited for: it needs the tap
     opening.catch(() => {});
@@ -136,7 +136,7 @@ function tell(words) {
 
 /**
  * @param {ReturnType<typeof mountPlaceMap>} map
- * @param {import("../../keeping/opening.js").Facts["floorPlan"]} plan
+ * @param {import("../../keeping/packages.js").Facts["floorPlan"]} plan
  */
 async function showPlan(map, plan) {
   if (!plan?.placement) return;
@@ -150,4 +150,149 @@ async function showPlan(map, plan) {
 function mode() {
   const chosen = /** @type {HTMLInputElement} */ (document.querySelector("input[name=place-mode]:checked"));
   return /** @type {"track" | "one-shot"} */ (chosen.value);
+}
+
+// Fixes and echoes as they come, told by the view.
+
+/** A status that lasts so long is worth saying aloud. */
+const SPEAK_AFTER_MS = 1500;
+const CLOCK_MS = 500;
+
+/**
+ * @typedef {import("./words.js").Fix} Fix
+ * @typedef {(heardS: number) => number} PlayedUntil how many chirps should have been heard
+ */
+
+/**
+ * @param {Here} here @param {"track" | "one-shot"} mode
+ * @returns {{told: {fix: (fix: Fix) => void, echo: (echo: {tS: number}) => void},
+ *   begin: (playedUntil: PlayedUntil) => void, end: () => void, fixes: () => Fix[]}}
+ */
+function showFixes(here, mode) {
+  /** @type {Fix[]} */
+  const fixes = [];
+  const echoes = { count: 0, lastS: NaN };
+  const speaker = makeSpeaker(WAITING[mode]);
+  let timer = 0;
+
+  /** @param {Fix} found */
+  const fix = (found) => {
+    fixes.push(found);
+    here.trail = withFix(here.trail, found);
+    here.map?.setTrail(here.trail);
+    showWords(wordsOf(found));
+    speaker.consider(wordsOf(found));
+  };
+  /** @param {{tS: number}} echo */
+  const echo = ({ tS }) => {
+    echoes.lastS = tS;
+    echoes.count += 1;
+  };
+  /** @param {PlayedUntil} playedUntil */
+  const begin = (playedUntil) => {
+    const beganMs = performance.now();
+    const show = () => showPlaceFacts({
+      seconds: (performance.now() - beganMs) / 1000,
+      fixes: here.trail.count,
+      heardShare: heardShare(echoes, playedUntil),
+    });
+    show();
+    timer = setInterval(show, CLOCK_MS);
+  };
+  const end = () => {
+    clearInterval(timer);
+    speaker.hush();
+  };
+  return { told: { fix, echo }, begin, end, fixes: () => fixes };
+}
+
+/**
+ * Of the chirps that were played until the last that was heard.
+ * @param {{count: number, lastS: number}} echoes @param {PlayedUntil} playedUntil
+ */
+function heardShare({ count, lastS }, playedUntil) {
+  return count === 0 ? null : Math.min(count / Math.max(playedUntil(lastS), 1), 1);
+}
+
+/** Says aloud what has become different and stays so. @param {import("./words.js").Words} first */
+function makeSpeaker(first) {
+  let said = first.verdict;
+  let timer = 0;
+  /** @param {import("./words.js").Words} words */
+  const consider = (words) => {
+    clearTimeout(timer);
+    if (words.verdict === said) return;
+    timer = setTimeout(() => {
+      said = words.verdict;
+      speak(words);
+    }, SPEAK_AFTER_MS);
+  };
+  return { consider, hush: () => clearTimeout(timer) };
+}
+
+// Fixes as a table, the same that `elfslam locate` writes. Pure.
+
+const HEADER = "t_s,x_m,y_m,heading_rad,sigma_m,status\n";
+
+/** @param {import("./words.js").Fix[]} fixes @param {number} zeroS of their clock, which is 0 in the table */
+function tableOfFixes(fixes, zeroS) {
+  return HEADER + fixes.map((fix) => rowOf(fix, zeroS)).join("");
+}
+
+/** @param {import("./words.js").Fix} fix @param {number} zeroS */
+function rowOf({ tS, xyM, headingRad, covarianceM2, status }, zeroS) {
+  const sigma = covarianceM2 ? Math.sqrt((covarianceM2[0] + covarianceM2[2]) / 2) : NaN;
+  const numbers = [...(xyM ?? [NaN, NaN]), headingRad, sigma];
+  const cells = numbers.map((value) => (Number.isFinite(value) ? value.toFixed(6) : ""));
+  return `${[(tS - zeroS).toFixed(6), ...cells, status].join()}\n`;
+}
+
+// The way to a room, a door or another named place of the map that the walker is in.
+
+/** @typedef {import("../../shared/map/points_of_interest.js").PointOfInterest} PointOfInterest */
+
+/**
+ * Offers the named places of a map.
+ * @param {{xyM: Float32Array}} floorMap @param {PointOfInterest[]} points
+ * @param {(goal: PointOfInterest | null, line: import("../../shared/map/projection.js").Point[]) => void} show on the map
+ */
+function offerWays(floorMap, points, show) {
+  const sorted = [...points].sort((one, other) => byName(one.name, other.name));
+  /** @type {ReturnType<typeof walkedGroundOf> | null} */
+  let ground = null;
+  /** @type {{goal: PointOfInterest, ways: import("./walked_ground.js").Ways} | null} */
+  let wanted = null;
+  /** @type {Fix | null} */
+  let latest = null;
+  let said = "";
+  const choice = /** @type {HTMLSelectElement} */ (at("way-to"));
+  at("way").hidden = sorted.length === 0;
+  choice.replaceChildren(make("option", { value: "" }, [t("nowhere")]),
+    ...sorted.map(({ name, kind }, k) => make("option", { value: String(k) }, [`${name} (${KIND_WORDS[kind] ?? kind})`])));
+  choice.onchange = () => {
+    const goal = choice.value === "" ? null : sorted[Number(choice.value)];
+    ground ??= walkedGroundOf(pointsOf(floorMap.xyM));
+    wanted = goal && { goal, ways: waysTo(ground, [goal.x_m, goal.y_m]) };
+    tell();
+  };
+
+  function tell() {
+    const from_m = latest?.status === "OK" ? latest.xyM : null;
+    const way = wanted && from_m ? wayFrom(wanted.ways, from_m) : null;
+    said = wanted ? wayWords(wanted.goal.name, latest, way, wanted.ways.goal_m) : "";
+    show(wanted?.goal ?? null, way?.line ?? []);
+    at("way-words").textContent = said;
+    at("way-words").hidden = wanted === null;
+  }
+
+  tell();
+  return {
+    /** @returns {string} "" where nobody asks */
+    words: () => said,
+    /** @param {Fix | null} fix null before the first */
+    fix(fix) {
+      latest = fix;
+      tell();
+    },
+  };
 }

@@ -1,6 +1,6 @@
 /** Locating, as the page does it: chirps go out, sound and motion go to a worker, fixes come back. */
 
-import { listenToMotion } from "../motion_sensor.js";
+import { listenToMotion } from "../motion.js";
 import { soundTime } from "../clocks.js";
 import { t, translated } from "../../shared/words.js";
 

@@ -3,47 +3,31 @@
  * chirps were played; it answers with fixes.
  */
 
-import { makeChirp } from "../../stages/chirp.js";
-import { makeEchoCutter } from "../../stages/echo.js";
 import { encoderFor, openEncoder } from "../../stages/encoder.js";
 import { checkedMap } from "../../stages/floor_map.js";
-import { makeFootsteps } from "../../stages/motion/live.js";
-import { makeTracker } from "../../stages/track.js";
+import { makeRandom } from "../../stages/particles.js";
+import { openPipeline } from "../../stages/pipeline.js";
 import { makeSpoofingCheck } from "../../stages/spoofing.js";
-import { makeRandom } from "../../stages/tracking/random.js";
+import { makeTracker } from "../../stages/track.js";
 import { decideBySteps, decideByWindows } from "./deciding.js";
-import { makeMemory } from "./memory.js";
-import { delayMotion } from "./motion_delay.js";
-import { hearOthers } from "./others.js";
-import { makePlacer } from "./placer.js";
 
 /** Of the tracker's draws. */
 const SEED = 0;
 
 /**
  * @typedef {import("../../stages/floor_map.js").FloorMap} FloorMap
- * @typedef {import("../../stages/echo.js").EchoCutter} EchoCutter
- * @typedef {ReturnType<typeof hearOthers>} Others
  * @typedef {"track" | "one-shot"} Mode
  */
 
-/** @type {ReturnType<typeof delayMotion>} */
-let motion = { push() {} };
-/** @type {Pick<EchoCutter, "played" | "latenessS">} */
-let cutter = { played() {}, latenessS: () => null };
-/** @type {Pick<Others, "add" | "take">} */
-let others = { add() {}, take: () => [] };
+/** @type {ReturnType<typeof openPipeline> | null} */
+let pipeline = null;
 
 const orders = {
   open: openMap,
-  /** @param {{readings: import("./motion_delay.js").Reading[]}} order */
-  motion: ({ readings }) => motion.push(readings),
-  /** @param {{slot: import("./others.js").Slot & {gainDb: number}}} order */
-  slot({ slot }) {
-    others.add(slot);
-    if (slot.playedS === null) return;
-    cutter.played(slot.playedS, slot.gainDb);
-  },
+  /** @param {{readings: import("../../stages/pipeline.js").Reading[]}} order */
+  motion: ({ readings }) => pipeline?.motion(readings),
+  /** @param {{slot: Parameters<ReturnType<typeof openPipeline>["slot"]>[0]}} order */
+  slot: ({ slot }) => pipeline?.slot(slot),
 };
 
 self.onmessage = ({ data }) => orders[/** @type {keyof typeof orders} */ (data.do)](data);
@@ -54,11 +38,9 @@ self.onmessage = ({ data }) => orders[/** @type {keyof typeof orders} */ (data.d
  */
 async function openMap({ rateHz, floorMap, encoderBytes, mode, source }) {
   try {
-    const placer = await placerFor(rateHz, checkedMap(floorMap), encoderBytes, mode);
-    source.onmessage = ({ data }) => {
-      placer.push(data.first, data.samples).catch(tellProblem);
-      others.take().forEach((heard) => self.postMessage({ is: "heard", ...heard }));
-    };
+    const opened = await pipelineFor(rateHz, checkedMap(floorMap), encoderBytes, mode);
+    pipeline = opened;
+    source.onmessage = ({ data }) => opened.push(data.first, data.samples).catch(tellProblem);
     self.postMessage({ is: "ready" });
   } catch (error) {
     tellProblem(error);
@@ -69,21 +51,17 @@ async function openMap({ rateHz, floorMap, encoderBytes, mode, source }) {
  * @param {number} rateHz @param {FloorMap} floorMap @param {Uint8Array<ArrayBuffer>} encoderBytes
  * @param {Mode} mode
  */
-async function placerFor(rateHz, floorMap, encoderBytes, mode) {
+async function pipelineFor(rateHz, floorMap, encoderBytes, mode) {
   const { parameters } = floorMap;
   const listener = encoderFor(floorMap, await openEncoder(encoderBytes, {}));
-  const echoes = makeEchoCutter({ rateHz, chirp: makeChirp(parameters.chirp, rateHz), parameters });
-  const around = hearOthers(echoes, parameters.chirp.period_s, parameters.medium_access);
-  [cutter, others] = [echoes, around];
-  const memory = makeMemory(parameters.locate.fewest_echoes);
-  const footsteps = makeFootsteps(parameters.motion);
-  motion = delayMotion(footsteps, cutter.latenessS);
   const spoofing = makeSpoofingCheck(parameters.spoofing);
-  const deciding = mode === "track"
-    ? decideBySteps({ floorMap, memory, footsteps, spoofing, tracker: trackerOf(floorMap) })
-    : decideByWindows({ floorMap, memory, spoofing });
-  const { clean } = around;
-  return makePlacer({ rateHz, cutter: echoes, clean, listener, spoofing, memory, deciding, onFix, onEcho });
+  return openPipeline({
+    rateHz, parameters, listener, spoofing, onFix, onEcho,
+    onHeard: (heard) => self.postMessage({ is: "heard", ...heard }),
+    decide: (memory, footsteps) => mode === "track"
+      ? decideBySteps({ floorMap, memory, footsteps, spoofing, tracker: trackerOf(floorMap) })
+      : decideByWindows({ floorMap, memory, spoofing }),
+  });
 }
 
 /** @param {FloorMap} floorMap */
@@ -98,7 +76,7 @@ function onFix(fix) {
 
 /** @param {import("../../stages/echo.js").Echo} echo */
 function onEcho({ tS, facts }) {
-  self.postMessage({ is: "echo", tS, facts, latenessS: cutter.latenessS() });
+  self.postMessage({ is: "echo", tS, facts, latenessS: pipeline?.latenessS() ?? null });
 }
 
 /** @param {unknown} error */

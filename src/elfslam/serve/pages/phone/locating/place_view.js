@@ -8,7 +8,7 @@ import { t } from "../../shared/words.js";
 const SIGNS = { pass: "✓", doubt: "?", fail: "!", wait: "…" };
 
 /**
- * @typedef {import("./maps.js").MapRow} MapRow
+ * @typedef {import("./choosing.js").MapRow} MapRow
  * @typedef {(row: MapRow, event: Event) => void} Deed
  * @typedef {{open: Deed, get: Deed, remove: Deed}} Deeds what the buttons of a map do
  */

@@ -5,8 +5,8 @@
 /** @typedef {{x_m: number, y_m: number, px_per_m: number}} View the map point at the canvas's middle */
 /** @typedef {[number, number, number, number]} Bounds x0, y0, x1, y1 in metres */
 
-export const CLOSEST_PX_PER_M = 4000;
-export const FARTHEST_PX_PER_M = 0.02;
+const CLOSEST_PX_PER_M = 4000;
+const FARTHEST_PX_PER_M = 0.02;
 
 /** @param {View} view @param {Size} size @param {Point} xy_m @returns {Point} pixels */
 export function toScreen(view, size, [x_m, y_m]) {

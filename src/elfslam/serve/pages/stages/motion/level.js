@@ -1,14 +1,15 @@
 /** The inertial sensors on an even clock, with the direction that points up: elfslam.stages.motion.level. */
 
-import { lowPass, runningMean, zeroPhase } from "./filters.js";
-import { columnsOf, differences, interpolateAll, median, roundHalfEven } from "./series.js";
+import {
+  columnsOf, differences, interpolateAll, lowPass, median, roundHalfEven, runningMean, zeroPhase,
+} from "./filters.js";
 
 /**
- * @typedef {import("./types.js").Imu} Imu
- * @typedef {import("./types.js").Axes} Axes
- * @typedef {import("./types.js").Level} Level
- * @typedef {import("./types.js").Rest} Rest
- * @typedef {import("./types.js").MotionParameters} MotionParameters
+ * @typedef {import("./filters.js").Imu} Imu
+ * @typedef {import("./filters.js").Axes} Axes
+ * @typedef {import("./filters.js").Level} Level
+ * @typedef {import("./filters.js").Rest} Rest
+ * @typedef {import("./filters.js").MotionParameters} MotionParameters
  */
 
 export const GRAVITY_MPS2 = 9.81;

@@ -4,27 +4,26 @@
  * `live_delay_s` beyond it.
  */
 
-import { footfalls, verticalBounce } from "./footsteps.js";
-import { phoneTurn, smoothHeading } from "./heading.js";
-import { STEPS_AROUND, lengthsBetween } from "./lengths.js";
-import { NO_REST, evenlySampled, level, rateOf, restUntil, stillRows } from "./level.js";
-import { moveOf, settingOffSigmaRad, sigmaOf } from "./reckoning.js";
-import { interpolate } from "./series.js";
+import { MOTION } from "../constants.js";
+import { differences, halfways, interpolate, interpolateAll, runningMedian } from "./filters.js";
+import { bounceRms, footfalls, verticalBounce } from "./footsteps.js";
+import { NO_REST, averaged, evenlySampled, level, rateOf, restUntil, stillRows } from "./level.js";
 
 /**
- * @typedef {import("./types.js").Imu} Imu
- * @typedef {import("./types.js").Level} Level
- * @typedef {import("./types.js").Rest} Rest
- * @typedef {import("./types.js").Step} Step
- * @typedef {import("./types.js").MotionParameters} MotionParameters
+ * @typedef {import("./filters.js").Imu} Imu
+ * @typedef {import("./filters.js").Level} Level
+ * @typedef {import("./filters.js").Rest} Rest
+ * @typedef {import("./filters.js").Step} Step
+ * @typedef {import("./filters.js").MotionParameters} MotionParameters
  * @typedef {{tS: number[], accelMps2: number[], gyroRadps: number[]}} Rows an Imu that grows
  * @typedef {{footstepsS: number[], headingRad: number, turnedRad: number, rest: Rest}} Past
  *   the last footsteps given out, where the walker headed at the last of them, how far the phone had turned
  *   as the window begins, and its gyroscope at rest before that
  */
 
-/** A rest leaves the window as a whole: until it ends, so many times `still_s` of it stay. */
-const REST_KEPT = 1.25;
+/** A rest leaves the window as a whole: until it ends, so many times `still_s` of it stay. The usual interval of steps is
+ * the median of so many. */
+const { REST_KEPT, STEPS_AROUND } = MOTION;
 
 /** @param {Rest} rest @returns {Past} */
 function beginning(rest = NO_REST) {
@@ -199,4 +198,85 @@ export function restKept(isStill, cut, least) {
   const awake = isStill.indexOf(false, cut);
   const end = awake < 0 ? isStill.length : awake;
   return Math.max(0, Math.min(cut, end - least));
+}
+
+// Dead reckoning: steps and heading put together, a move per footstep: elfslam.stages.motion.reckoning.
+
+/**
+ * A move to the next footstep goes where the walker heads halfway through it.
+ * @param {number} lengthM @param {number} asideRad @param {number} turnRad
+ * @returns {number[]} forward m, left m, turn rad
+ */
+function moveOf(lengthM, asideRad, turnRad) {
+  return [lengthM * Math.cos(asideRad), lengthM * Math.sin(asideRad), turnRad];
+}
+
+/**
+ * The sigma of a move.
+ * @param {number} lengthM @param {number} headingRad the sigma of its turn @param {MotionParameters} parameters
+ * @returns {number[]}
+ */
+function sigmaOf(lengthM, headingRad, parameters) {
+  return [parameters.forward_sigma * lengthM, parameters.lateral_sigma * lengthM, headingRad];
+}
+
+/** Of the first step, which may point aside, too. @param {MotionParameters} parameters */
+function settingOffSigmaRad(parameters) {
+  return Math.hypot(parameters.heading_sigma_rad, parameters.setting_off_sigma_rad);
+}
+
+// Where the walker heads: the rate of turn about the vertical, summed: elfslam.stages.motion.heading.
+
+/**
+ * @param {Level} levelled @param {{heading_window_s: number}} parameters
+ * @returns {Float64Array} heading, rad, averaged over a stride
+ */
+export function smoothHeading(levelled, parameters) {
+  return averaged(phoneTurn(levelled), parameters.heading_window_s, levelled.rateHz);
+}
+
+/** @param {Level} levelled @returns {Float64Array} how far, rad, the phone has turned since the first row */
+export function phoneTurn({ gyro, up, rateHz }) {
+  const yaw = (/** @type {number} */ k) => gyro[0][k] * up[0][k] + gyro[1][k] * up[1][k] + gyro[2][k] * up[2][k];
+  const turned = new Float64Array(gyro[0].length);
+  for (let k = 1; k < turned.length; k += 1) {
+    turned[k] = turned[k - 1] + (yaw(k) + yaw(k - 1)) / 2 / rateHz;
+  }
+  return turned;
+}
+
+// How long each step is, from how far and how often the walker bounces: elfslam.stages.motion.lengths.
+
+/**
+ * @param {import("./filters.js").Level} levelled @param {Float64Array} bounce
+ * @param {Float64Array} footstepsS times (n) @param {MotionParameters} parameters
+ * @returns {Float64Array} lengths (n-1), m, of the steps between the footsteps
+ */
+export function lengthsBetween({ tS, rateHz }, bounce, footstepsS, parameters) {
+  const rms = bounceRms(bounce, parameters.length_window_s, rateHz);
+  const around = interpolateAll(halfways(footstepsS), tS, rms);
+  const intervalsS = differences(footstepsS);
+  const usualS = runningMedian(intervalsS, STEPS_AROUND);
+  return intervalsS.map((intervalS, k) => {
+    const isPause = intervalS > parameters.pause_intervals * usualS[k];
+    const lengthM = isPause ? parameters.pause_length_m : walkedM(around[k], 1 / usualS[k], parameters);
+    return parameters.step_scale * lengthM;
+  });
+}
+
+/**
+ * A power law in bounce and cadence; a cadence out of the band is that of someone who stops and goes.
+ * @param {number} bounceMps2 @param {number} cadenceHz @param {MotionParameters} parameters
+ */
+function walkedM(bounceMps2, cadenceHz, parameters) {
+  const inBandHz = clipped(cadenceHz, parameters.cadence_low_hz, parameters.cadence_high_hz);
+  const lengthM = parameters.step_length_m
+    * (bounceMps2 / parameters.typical_bounce_mps2) ** parameters.length_power_of_bounce
+    * (inBandHz / parameters.typical_cadence_hz) ** parameters.length_power_of_cadence;
+  return clipped(lengthM, parameters.shortest_step_m, parameters.longest_step_m);
+}
+
+/** @param {number} value @param {number} low @param {number} high */
+function clipped(value, low, high) {
+  return Math.min(Math.max(value, low), high);
 }
