@@ -15,7 +15,8 @@ import pytest
 from elfslam.base.enums import Mode
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import Checkpoints, FixStatus
-from elfslam.data.importing import Imported, declared_start
+from elfslam.data.importing import declared_start
+from elfslam.data.log_files import Imported
 from elfslam.data.mall import read_walk, walks_in
 from elfslam.data.map_files import read_map
 from elfslam.data.named_places import read_points

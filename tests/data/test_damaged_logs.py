@@ -13,7 +13,8 @@ import pytest
 from planted_logs import LOGS, T_S
 
 from elfslam.base.errors import InputError
-from elfslam.data.importing import Imported, LogFormat, read_logs, recognise
+from elfslam.data.importing import LogFormat, read_logs, recognise
+from elfslam.data.log_files import Imported
 from elfslam.data.recordings import read_recording, write_recording
 
 ROUNDS = 60

@@ -15,7 +15,8 @@ from planted_logs import LOGS, T_S
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import Imu, Recording
-from elfslam.data.importing import Imported, LogFormat, Refused, read_logs, recognise, takes_many
+from elfslam.data.importing import LogFormat, Refused, read_logs, recognise, takes_many
+from elfslam.data.log_files import Imported
 from elfslam.data.recordings import write_recording
 
 MALL = "".join(
