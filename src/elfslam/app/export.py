@@ -56,7 +56,7 @@ def export(
     """Write a run or a map as a file of another format, whole or not at all.
 
     A ROS map is two files. An older file is only replaced with `overwrite`. Raises InputError where
-    the run does not hold what the format asks for, ParameterError where something was not context,
+    the run does not hold what the format asks for, ParameterError where something is missing,
     StoreError where it cannot be read or the file cannot be written.
     """
     new = partial(new_file, overwrite=overwrite, reads=[source])
