@@ -12,20 +12,7 @@ import numpy.testing as npt
 import pytest
 from PIL import Image
 
-from elfslam.app.anchor import (
-    Plan,
-    Start,
-    anchor_into,
-    drawn,
-    drawn_plan,
-    follow,
-    follow_into,
-    is_plan_file,
-    moved_map,
-    place_on,
-    read_plan,
-    start_on,
-)
+from elfslam.app import anchor
 from elfslam.base.errors import InputError, NoAnswerError, StoreError
 from elfslam.base.geometry import chain, inverse
 from elfslam.base.grid import FloorGrid, walked_grid
@@ -76,7 +63,9 @@ def test_a_map_is_written_in_the_frame_of_the_plan(
     (tmp_path / "run").mkdir()
     write_map(floor_map, tmp_path / "run" / "map.npz")
     (tmp_path / "run" / "encoder.onnx").write_bytes(b"encoder")
-    found = anchor_into(tmp_path / "out", tmp_path / "run", read_plan(image), KNOWN, None)
+    found = anchor.anchor_into(
+        tmp_path / "out", tmp_path / "run", anchor.read_plan(image), KNOWN, None
+    )
     assert found.status == OK
     there = read_map(tmp_path / "out")
     truth = placed(floor_map.xy_m, PLAN_FROM_MAP, 1.0)
@@ -86,7 +75,7 @@ def test_a_map_is_written_in_the_frame_of_the_plan(
     assert told["status"] == OK
     npt.assert_allclose(told["plan_from_map"], found.plan_from_map)
     with pytest.raises(StoreError, match="already exists"):
-        anchor_into(tmp_path / "out", tmp_path / "run", read_plan(image), KNOWN, None)
+        anchor.anchor_into(tmp_path / "out", tmp_path / "run", anchor.read_plan(image), KNOWN, None)
 
 
 def test_what_is_uncertain_is_not_written(image: str, floor_map: FloorMap, tmp_path: Path) -> None:
@@ -95,14 +84,16 @@ def test_what_is_uncertain_is_not_written(image: str, floor_map: FloorMap, tmp_p
         floor_map.covariance_m2[:10], (), "", (),
     )  # fmt: skip
     write_map(part, tmp_path / "map.npz")
-    found = anchor_into(tmp_path / "out", tmp_path / "map.npz", read_plan(image), KNOWN, None)
+    found = anchor.anchor_into(
+        tmp_path / "out", tmp_path / "map.npz", anchor.read_plan(image), KNOWN, None
+    )
     assert found.status == AMBIGUOUS
     assert not (tmp_path / "out").exists()
 
 
 def test_headings_and_covariances_turn_with_the_map(image: str, floor_map: FloorMap) -> None:
-    found = place_on(floor_map, read_plan(image), KNOWN, None)
-    moved = moved_map(floor_map, found)
+    found = anchor.place_on(floor_map, anchor.read_plan(image), KNOWN, None)
+    moved = anchor.moved_map(floor_map, found)
     heading = found.plan_from_map[2]
     npt.assert_allclose(np.exp(1j * moved.heading_rad), np.exp(1j * heading))
     ahead = np.array([np.cos(heading), np.sin(heading)])
@@ -110,7 +101,7 @@ def test_headings_and_covariances_turn_with_the_map(image: str, floor_map: Floor
 
 
 def test_a_start_is_of_the_first_walk(image: str, floor_map: FloorMap) -> None:
-    found = place_on(floor_map, read_plan(image), KNOWN, WALK[0])
+    found = anchor.place_on(floor_map, anchor.read_plan(image), KNOWN, WALK[0])
     assert found.status == OK
     assert np.linalg.norm(placed(floor_map.xy_m[:1], found.plan_from_map, 1.0) - WALK[0]) < 0.5
 
@@ -120,11 +111,11 @@ def test_a_plan_in_degrees_says_where_its_frame_lies(tmp_path: Path) -> None:
     ring = np.array([[0, 0], [6, 0], [6, 4], [0, 4]], dtype=float)
     file = tmp_path / "plan.geojson"
     file.write_text(json.dumps(feature(polygon_of(there, (ring,)), {})))
-    plan = read_plan(str(file))
+    plan = anchor.read_plan(str(file))
     assert plan.origin is not None
     middle = np.array([[plan.origin.longitude_deg, plan.origin.latitude_deg]])
     npt.assert_allclose(from_lon_lat(there, middle), [[3, 2]], atol=0.02)
-    assert len(drawn(plan.ground).outline) >= 4
+    assert len(anchor.drawn(plan.ground).outline) >= 4
 
 
 def test_rooms_and_what_stands_in_them_are_drawn(tmp_path: Path) -> None:
@@ -132,7 +123,7 @@ def test_rooms_and_what_stands_in_them_are_drawn(tmp_path: Path) -> None:
     pixels[:, 40] = 0
     pixels[10:20, 10:20] = 0
     Image.fromarray(pixels).save(tmp_path / "plan.png")
-    plan = drawn(read_plan(f"{tmp_path / 'plan.png'}:6.0").ground)
+    plan = anchor.drawn(anchor.read_plan(f"{tmp_path / 'plan.png'}:6.0").ground)
     assert np.ptp(plan.outline, axis=0) == pytest.approx([4, 4], abs=0.1)
     assert [np.ptp(ring, axis=0) for ring in plan.rooms] == [pytest.approx([1.9, 4.0], abs=0.1)]
     assert [ring.mean(axis=0) for ring in plan.obstacles] == [pytest.approx([1.5, 2.5], abs=0.1)]
@@ -141,7 +132,7 @@ def test_rooms_and_what_stands_in_them_are_drawn(tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", ["plan.png", "plan.png:wide", "plan.png:1.2.3", "plan.doc:12"])
 def test_an_image_needs_its_width(text: str) -> None:
     with pytest.raises(InputError, match=r"metre|as an image"):
-        read_plan(text)
+        anchor.read_plan(text)
 
 
 def test_a_level_of_a_plan_stands_behind_its_file(tmp_path: Path) -> None:
@@ -151,20 +142,22 @@ def test_a_level_of_a_plan_stands_behind_its_file(tmp_path: Path) -> None:
         rooms.append(feature({"type": "Polygon", "coordinates": [ring]}, {"level": level}))
     file = tmp_path / "plan.geojson"
     file.write_text(json.dumps({"type": "FeatureCollection", "features": rooms}))
-    widths_m = [np.ptp(drawn(read_plan(f"{file}:{k}").ground).outline[:, 0]) for k in (0, 1)]
+    widths_m = [
+        np.ptp(anchor.drawn(anchor.read_plan(f"{file}:{k}").ground).outline[:, 0]) for k in (0, 1)
+    ]
     assert widths_m == pytest.approx([6.0, 9.0], abs=0.2)
     for text, said in (
         (f"{file}", "has the levels 0, 1; choose one, such as"),
         (f"{file}:2", "has no level '2', wanted one of 0, 1, such as"),
     ):
         with pytest.raises(InputError, match=said) as refused:
-            drawn_plan(text)
+            anchor.drawn_plan(text)
         assert str(refused.value).endswith(f", such as {file}:0")
 
 
 def test_files_are_told_from_worlds() -> None:
     named = ["studio", "a/plan.png:12", "a/plan.PNG", "plan.geojson", "p.json:-1", "my.toml"]
-    assert [is_plan_file(text) for text in named] == [False, True, True, True, True, False]
+    assert [anchor.is_plan_file(text) for text in named] == [False, True, True, True, True, False]
 
 
 FOLLOW_KNOWN = MapMatchingParameters(particles=300)
@@ -191,7 +184,7 @@ def placement() -> Placement:
 
 
 def test_a_placed_run_begins_where_its_first_pose_lies_on_the_plan(run: Run) -> None:
-    start = start_on(placement(), [run.trajectory.world_from_body[:, :2]], run)
+    start = anchor.start_on(placement(), [run.trajectory.world_from_body[:, :2]], run)
     npt.assert_allclose(start.pose, [2.0, 4.0, np.pi / 2])
     # Five metres of lever to the walk's middle, straight behind it.
     npt.assert_allclose(np.diag(start.covariance), [0.04 + 0.01 * 25, 0.04, 0.01])
@@ -199,28 +192,30 @@ def test_a_placed_run_begins_where_its_first_pose_lies_on_the_plan(run: Run) -> 
 
 def test_lengths_follow_the_scale_of_the_placement(run: Run) -> None:
     double = dataclasses.replace(placement(), scale=2.0)
-    start = start_on(double, [run.trajectory.world_from_body[:, :2]], run)
+    start = anchor.start_on(double, [run.trajectory.world_from_body[:, :2]], run)
     npt.assert_allclose(start.pose, [2.0, 5.0, np.pi / 2])
-    found = follow(run, start, HALL, 0.4, FOLLOW_KNOWN)
+    found = anchor.follow(run, start, HALL, 0.4, FOLLOW_KNOWN)
     assert np.linalg.norm(found.poses[10, :2] - found.poses[0, :2]) == pytest.approx(10, abs=0.7)
 
 
 def test_a_walk_is_followed_from_its_start(run: Run) -> None:
-    start = Start(np.array([-5.0, 1.0, 0.0]), np.diag([0.01, 0.01, 1e-4]))
-    found = follow(run, start, HALL, 0.4, FOLLOW_KNOWN)
+    start = anchor.Start(np.array([-5.0, 1.0, 0.0]), np.diag([0.01, 0.01, 1e-4]))
+    found = anchor.follow(run, start, HALL, 0.4, FOLLOW_KNOWN)
     npt.assert_allclose(found.poses[-1], [5.0, 1.0, 0.0], atol=0.5)
 
 
 def test_a_plan_without_room_to_stand_is_refused(run: Run) -> None:
     narrow = walked_grid([np.array([[0, 0], [9, 0.0]])], 0.3, 0.1)
-    start = Start(np.zeros(3), np.eye(3))
+    start = anchor.Start(np.zeros(3), np.eye(3))
     with pytest.raises(NoAnswerError, match=r"lower anchoring\.keep_off_m"):
-        follow(run, start, narrow, 0.4, FOLLOW_KNOWN)
+        anchor.follow(run, start, narrow, 0.4, FOLLOW_KNOWN)
 
 
 def test_a_walk_that_fits_in_several_ways_needs_its_start_said(run: Run, tmp_path: Path) -> None:
     write_run(run, tmp_path / "run", facts={}, encoder=None)
     quick = AnchoringParameters(cell_m=0.5)
     with pytest.raises(NoAnswerError, match="AMBIGUOUS; say where it begins"):
-        follow_into(tmp_path / "out", tmp_path / "run", Plan(HALL), (quick, FOLLOW_KNOWN), None)
+        anchor.follow_into(
+            tmp_path / "out", tmp_path / "run", anchor.Plan(HALL), (quick, FOLLOW_KNOWN), None
+        )
     assert not (tmp_path / "out").exists()

@@ -17,17 +17,7 @@ from hypothesis import strategies as st
 from elfslam.base.arrays import F64
 from elfslam.base.bounds import FREE_BYTES
 from elfslam.base.errors import InputError
-from elfslam.data.log_files import (
-    MOST_DAMAGED_ROWS,
-    MOST_JUMPS,
-    STANDARD_GRAVITY_MPS2,
-    Stream,
-    check_archive,
-    clock_of,
-    on_one_clock,
-    texts_in,
-    with_gravity,
-)
+from elfslam.data import log_files
 from elfslam.data.sensor_files import gravity_in
 
 
@@ -56,8 +46,8 @@ def test_texts_come_out_in_their_order(tmp_path: Path) -> None:
         (entry("site/info.json"), b"{}"),
         (entry("../a.txt"), b"one"),
     )
-    check_archive(path)
-    assert list(texts_in(path)) == [("b.txt", b"two"), ("a.txt", b"one")]
+    log_files.check_archive(path)
+    assert list(log_files.texts_in(path)) == [("b.txt", b"two"), ("a.txt", b"one")]
 
 
 KINDS = {
@@ -74,33 +64,33 @@ def test_what_is_no_plain_file_is_refused(tmp_path: Path, kind: str) -> None:
     told, more = KINDS[kind]
     path = packed(tmp_path, (entry("b.txt"), b"x"), (entry("a.txt", told, **more), b""))
     with pytest.raises(InputError, match="no plain file"):
-        check_archive(path)
+        log_files.check_archive(path)
 
 
 def test_an_archive_without_texts_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="holds no walk"):
-        check_archive(packed(tmp_path, (entry("a.json"), b"{}")))
+        log_files.check_archive(packed(tmp_path, (entry("a.json"), b"{}")))
     with pytest.raises(InputError, match="holds no walk"):
-        check_archive(packed(tmp_path))
+        log_files.check_archive(packed(tmp_path))
 
 
 def test_bombs_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="claims"):
-        check_archive(packed(tmp_path, (entry("a.txt"), bytes(FREE_BYTES * 2))))
+        log_files.check_archive(packed(tmp_path, (entry("a.txt"), bytes(FREE_BYTES * 2))))
     several = [(entry(f"{k}.txt"), bytes(FREE_BYTES // 2)) for k in range(4)]
     with pytest.raises(InputError, match="more than can be believed"):
-        check_archive(packed(tmp_path, *several))
+        log_files.check_archive(packed(tmp_path, *several))
     head = entry("a.txt", tarfile.XHDTYPE, size=4 * FREE_BYTES).tobuf(tarfile.USTAR_FORMAT)
     (tmp_path / "a.tar.xz").write_bytes(lzma.compress(head + bytes(4 * FREE_BYTES), preset=0))
     with pytest.raises(InputError, match="more than can be believed"):
-        check_archive(tmp_path / "a.tar.xz")
+        log_files.check_archive(tmp_path / "a.tar.xz")
 
 
 def test_countless_entries_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("elfslam.data.log_files.MOST_MEMBERS", 3)
     path = packed(tmp_path, *[(entry(f"{k}.txt"), b"x") for k in range(4)])
     with pytest.raises(InputError, match="more than 3 entries"):
-        check_archive(path)
+        log_files.check_archive(path)
 
 
 def test_every_byte_may_be_wrong(tmp_path: Path) -> None:
@@ -114,7 +104,7 @@ def test_every_byte_may_be_wrong(tmp_path: Path) -> None:
             damaged = whole[:at] + bytes([byte]) + whole[at + 1 :]
             (tmp_path / "a.tar.xz").write_bytes(lzma.compress(damaged, preset=0))
             try:
-                check_archive(tmp_path / "a.tar.xz")
+                log_files.check_archive(tmp_path / "a.tar.xz")
             except InputError as cause:
                 refused += 1
                 message = str(cause)
@@ -143,7 +133,7 @@ def written(t_s: F64, put_back: list[tuple[int, float]]) -> F64:
 def test_a_clock_that_is_put_back_loses_no_row_and_tells_every_jump(
     put_back: list[tuple[int, float]],
 ) -> None:
-    clock = clock_of("walk", written(TRUE_S, put_back))
+    clock = log_files.clock_of("walk", written(TRUE_S, put_back))
     npt.assert_allclose(clock.running(written(TRUE_S, put_back)), TRUE_S, atol=1e-6)
     assert len(clock.notes) == len(put_back)
     assert all("was put back by" in note for note in clock.notes)
@@ -154,9 +144,9 @@ def test_every_stream_of_a_log_is_put_right_by_the_densest(
     put_back: list[tuple[int, float]], late_s: float, every: int
 ) -> None:
     """They jump at one instant, and each of them shows it in rows of its own."""
-    clock = clock_of("walk", written(TRUE_S, put_back))
+    clock = log_files.clock_of("walk", written(TRUE_S, put_back))
     other_s = TRUE_S[::every] + late_s
-    streams, left_out = on_one_clock(
+    streams, left_out = log_files.on_one_clock(
         {"gyroscope": (written(other_s, put_back), other_s[:, None])}, clock
     )
     t_s, values = streams["gyroscope"]
@@ -167,26 +157,26 @@ def test_every_stream_of_a_log_is_put_right_by_the_densest(
 
 def test_a_sparse_stream_is_put_right_though_it_never_goes_backward() -> None:
     put_back = [(2000, 3600.0)]
-    clock = clock_of("walk", written(TRUE_S, put_back))
+    clock = log_files.clock_of("walk", written(TRUE_S, put_back))
     for taps_s in ([24.0], [4.0, 14.0, 24.0], [21.0, 22.0]):
         shown = written(np.array(taps_s), put_back)
         npt.assert_allclose(clock.running(shown), taps_s, atol=1e-6)
 
 
-@pytest.mark.parametrize("count", [1, 3, MOST_DAMAGED_ROWS])
+@pytest.mark.parametrize("count", [1, 3, log_files.MOST_DAMAGED_ROWS])
 @pytest.mark.parametrize("wrong_s", [900.0, -50.0, 0.004])
 def test_a_few_rows_that_leap_and_come_back_are_damage(count: int, wrong_s: float) -> None:
     shown = TRUE_S.copy()
     shown[1000 : 1000 + count] = wrong_s
-    clock = clock_of("walk", shown)
-    streams, left_out = on_one_clock({"a": (shown, TRUE_S[:, None])}, clock)
+    clock = log_files.clock_of("walk", shown)
+    streams, left_out = log_files.on_one_clock({"a": (shown, TRUE_S[:, None])}, clock)
     assert (clock.notes, left_out) == ((), count)
     npt.assert_array_equal(*streams["a"][:1], streams["a"][1][:, 0])
 
 
 def test_a_restart_of_the_clock_at_zero_goes_on_a_sample_later() -> None:
     shown = np.concatenate([TRUE_S[:1500], TRUE_S[:1500]])
-    clock = clock_of("walk", shown)
+    clock = log_files.clock_of("walk", shown)
     npt.assert_allclose(clock.running(shown), TRUE_S, atol=1e-9)
     assert clock.notes == (
         "the clock was put back by 14.99 s at 14.99 s; what follows is kept, 0.010 s behind what "
@@ -196,18 +186,20 @@ def test_a_restart_of_the_clock_at_zero_goes_on_a_sample_later() -> None:
 
 def test_a_long_step_ahead_is_a_gap_that_is_told() -> None:
     shown = TRUE_S + 3600.0 * (TRUE_S >= 20)
-    clock = clock_of("walk", shown)
+    clock = log_files.clock_of("walk", shown)
     npt.assert_array_equal(clock.running(shown), shown)
     assert clock.notes[0].startswith("nothing was measured for 3600.0 s from 19.99 s on")
 
 
 def test_times_that_are_no_clock_are_refused_at_once() -> None:
     shown = np.random.default_rng(0).uniform(0, 1000, 200_000)
-    with pytest.raises(InputError, match=f"walk: its clock was put back over {MOST_JUMPS} times"):
-        clock_of("walk", shown)
+    with pytest.raises(
+        InputError, match=f"walk: its clock was put back over {log_files.MOST_JUMPS} times"
+    ):
+        log_files.clock_of("walk", shown)
 
 
-def walking(gravity: F64, *, pushed: bool = True) -> Stream:
+def walking(gravity: F64, *, pushed: bool = True) -> log_files.Stream:
     """Steps that no second is a multiple of, each a push along all axes, and a slow sway."""
     beat = 4.0 * np.sin(2 * np.pi * 1.7 * TRUE_S) + 1.2 * np.sin(2 * np.pi * 0.3 * TRUE_S)
     push = beat[:, None] * np.array([0.4, 0.5, 0.8])
@@ -225,9 +217,9 @@ ALONE = walking(GRAVITY_MPS2, pushed=False)
 )
 @pytest.mark.parametrize("unit_mps2", [1.0, None])
 def test_gravity_and_steps_are_found_wherever_they_are(
-    streams: list[Stream], unit_mps2: float | None
+    streams: list[log_files.Stream], unit_mps2: float | None
 ) -> None:
-    npt.assert_allclose(with_gravity(streams, unit_mps2)[1], WHOLE[1], atol=1e-9)
+    npt.assert_allclose(log_files.with_gravity(streams, unit_mps2)[1], WHOLE[1], atol=1e-9)
 
 
 @pytest.mark.parametrize("strength", [0.1, 0.3, 1.0, 1.3, 3.0, 8.0])
@@ -237,16 +229,18 @@ def test_acceleration_without_gravity_is_never_scaled(
 ) -> None:
     """However strong its steps: those of a median of 1 are no g, those of 9.8 no gravity."""
     t_s, steps = LINEAR
-    npt.assert_array_equal(with_gravity([(t_s, strength * steps)], unit_mps2)[1], strength * steps)
+    npt.assert_array_equal(
+        log_files.with_gravity([(t_s, strength * steps)], unit_mps2)[1], strength * steps
+    )
     assert gravity_in(t_s, strength * steps) == 0
 
 
 def test_gravity_that_is_not_quite_steady_is_still_gravity_alone() -> None:
-    found = with_gravity([LINEAR, NOISY], 1.0)[1]
+    found = log_files.with_gravity([LINEAR, NOISY], 1.0)[1]
     npt.assert_allclose(found, LINEAR[1] + NOISY[1], atol=1e-9)
 
 
 def test_a_unit_is_found_by_gravity_only_where_none_is_stated() -> None:
-    t_s, in_g = WHOLE[0], WHOLE[1] / STANDARD_GRAVITY_MPS2
-    npt.assert_allclose(with_gravity([(t_s, in_g)])[1], WHOLE[1], atol=1e-9)
-    npt.assert_array_equal(with_gravity([(t_s, in_g)], 1.0)[1], in_g)
+    t_s, in_g = WHOLE[0], WHOLE[1] / log_files.STANDARD_GRAVITY_MPS2
+    npt.assert_allclose(log_files.with_gravity([(t_s, in_g)])[1], WHOLE[1], atol=1e-9)
+    npt.assert_array_equal(log_files.with_gravity([(t_s, in_g)], 1.0)[1], in_g)

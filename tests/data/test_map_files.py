@@ -12,24 +12,16 @@ import pytest
 
 from elfslam.base.errors import StoreError
 from elfslam.base.values import Run
-from elfslam.data.map_files import (
-    OWN,
-    QUALITY_COLUMNS,
-    fill_merged,
-    is_merged,
-    read_map,
-    write_map,
-    write_quality,
-)
+from elfslam.data import map_files
 from elfslam.data.position_files import read_tum
 from elfslam.data.runs import read_run, write_run
 from elfslam.stages.quality import MapQuality
 
 
 def test_round_trip(tmp_path: Path, run: Run) -> None:
-    write_map(run.floor_map, tmp_path / "map.npz")
+    map_files.write_map(run.floor_map, tmp_path / "map.npz")
     for path in (tmp_path, tmp_path / "map.npz"):
-        read = read_map(path)
+        read = map_files.read_map(path)
         for name in ("xy_m", "heading_rad", "walk", "order", "covariance_m2"):
             np.testing.assert_array_equal(getattr(read, name), getattr(run.floor_map, name))
         assert (read.parameters_digest, read.sources) == ("abc", ("hall",))
@@ -40,27 +32,27 @@ def test_round_trip(tmp_path: Path, run: Run) -> None:
 
 def test_the_age_of_spots_is_kept_and_older_files_have_none(tmp_path: Path, run: Run) -> None:
     aged = replace(run.floor_map, weight=[1, 0.5, 1, 1, 0.2], changed=[0, 1, 0, 0, 1])
-    write_map(aged, tmp_path / "map.npz")
-    read = read_map(tmp_path)
+    map_files.write_map(aged, tmp_path / "map.npz")
+    read = map_files.read_map(tmp_path)
     np.testing.assert_array_equal(read.weight, aged.weight)
     np.testing.assert_array_equal(read.changed, aged.changed)
     with np.load(tmp_path / "map.npz") as stored:
         older = {name: stored[name] for name in stored.files if name not in ("weight", "changed")}
     np.savez(tmp_path / "map.npz", **older)
-    assert (read_map(tmp_path).weight == 1).all()
+    assert (map_files.read_map(tmp_path).weight == 1).all()
 
 
 def test_features_of_an_earlier_version_are_refused(tmp_path: Path, run: Run) -> None:
     """They kept what the echoes of a walk have in common; their names lack what says otherwise."""
     for name, labels, read in (
-        ("map.npz", "payload_encoders", read_map),
+        ("map.npz", "payload_encoders", map_files.read_map),
         ("features.npz", "encoder", read_run),
     ):
         folder = tmp_path / name
         write_run(run, folder, facts={}, encoder=None)
         with np.load(folder / name) as archive:
             arrays = dict(archive)
-        arrays[labels] = np.char.replace(arrays[labels], OWN, "")
+        arrays[labels] = np.char.replace(arrays[labels], map_files.OWN, "")
         np.savez(folder / name, **arrays)
         with pytest.raises(StoreError, match=r"features are those of an earlier version.*again"):
             read(folder)
@@ -68,37 +60,37 @@ def test_features_of_an_earlier_version_are_refused(tmp_path: Path, run: Run) ->
 
 @pytest.mark.parametrize("kept", [0, 10, 300, -30])
 def test_cut_off_maps_are_refused(tmp_path: Path, run: Run, kept: int) -> None:
-    write_map(run.floor_map, tmp_path / "map.npz")
+    map_files.write_map(run.floor_map, tmp_path / "map.npz")
     content = (tmp_path / "map.npz").read_bytes()
     (tmp_path / "map.npz").write_bytes(content[:kept])
     with pytest.raises(StoreError, match=r"map\.npz: is missing or damaged") as refused:
-        read_map(tmp_path)
+        map_files.read_map(tmp_path)
     assert "\n" not in str(refused.value)
 
 
 def test_flipped_bytes_are_refused(tmp_path: Path, run: Run) -> None:
-    write_map(run.floor_map, tmp_path / "map.npz")
+    map_files.write_map(run.floor_map, tmp_path / "map.npz")
     content = (tmp_path / "map.npz").read_bytes()
     (tmp_path / "map.npz").write_bytes(content[:60] + bytes(40) + content[100:])
     with pytest.raises(StoreError, match="damaged"):
-        read_map(tmp_path)
+        map_files.read_map(tmp_path)
 
 
 def test_other_arrays_and_pickles_are_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "other.npz", xy_m=np.zeros((2, 2)))
     with pytest.raises(StoreError, match="lacks the array heading_rad"):
-        read_map(tmp_path / "other.npz")
+        map_files.read_map(tmp_path / "other.npz")
     np.savez(tmp_path / "pickle.npz", xy_m=np.array([{}], dtype=object))
     with pytest.raises(StoreError, match="damaged"):
-        read_map(tmp_path / "pickle.npz")
+        map_files.read_map(tmp_path / "pickle.npz")
     np.save(tmp_path / "array.npy", np.zeros(3))
     with pytest.raises(StoreError, match="not whole"):
-        read_map(tmp_path / "array.npy")
+        map_files.read_map(tmp_path / "array.npy")
 
 
 def test_a_missing_map_is_refused(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match=r"map\.npz: is missing"):
-        read_map(tmp_path)
+        map_files.read_map(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -127,11 +119,11 @@ def test_a_missing_map_is_refused(tmp_path: Path) -> None:
 def test_arrays_of_another_kind_are_refused(
     tmp_path: Path, run: Run, name: str, array: np.ndarray
 ) -> None:
-    write_map(run.floor_map, tmp_path / "map.npz")
+    map_files.write_map(run.floor_map, tmp_path / "map.npz")
     with np.load(tmp_path / "map.npz") as stored:
         np.savez(tmp_path / "map.npz", **{**stored, name: array})
     with pytest.raises(StoreError, match=r"map\.npz: is no floor map") as refused:
-        read_map(tmp_path)
+        map_files.read_map(tmp_path)
     assert "\n" not in str(refused.value)
 
 
@@ -150,15 +142,17 @@ def written(folder: Path, run: Run) -> None:
     trajectories = {"day/one": run.trajectory}
     facts = {"walks": ["day/one"]}
     folder.mkdir()
-    fill_merged(folder, run.floor_map, QUALITY, trajectories, facts=facts, encoder=b"onnx")
+    map_files.fill_merged(
+        folder, run.floor_map, QUALITY, trajectories, facts=facts, encoder=b"onnx"
+    )
 
 
 def test_a_folder_holds_map_trajectories_quality_and_facts(tmp_path: Path, run: Run) -> None:
     folder = tmp_path / "map"
     written(folder, run)
-    assert is_merged(folder)
-    assert not is_merged(tmp_path)
-    npt.assert_array_equal(read_map(folder).xy_m, run.floor_map.xy_m)
+    assert map_files.is_merged(folder)
+    assert not map_files.is_merged(tmp_path)
+    npt.assert_array_equal(map_files.read_map(folder).xy_m, run.floor_map.xy_m)
     poses = read_tum(folder / "trajectories" / "day-one.tum")[1]
     npt.assert_allclose(poses, run.trajectory.world_from_body, atol=1e-6)
     assert json.loads((folder / "merge.json").read_text()) == {"walks": ["day/one"]}
@@ -167,7 +161,7 @@ def test_a_folder_holds_map_trajectories_quality_and_facts(tmp_path: Path, run: 
 
 def test_squares_of_a_map_in_a_countrys_grid_keep_their_places(tmp_path: Path) -> None:
     far = replace(QUALITY, xy_m=np.add(QUALITY.xy_m, [500_000.0, 5_000_000.0]))
-    write_quality(far, tmp_path / "quality.csv")
+    map_files.write_quality(far, tmp_path / "quality.csv")
     table = np.genfromtxt(tmp_path / "quality.csv", delimiter=",", skip_header=1)
     npt.assert_array_equal(table[:, :2], far.xy_m)
 
@@ -176,7 +170,7 @@ def test_an_error_that_nobody_knows_stays_empty(tmp_path: Path, run: Run) -> Non
     written(tmp_path / "map", run)
     lines = (tmp_path / "map" / "quality.csv").read_text().splitlines()
     assert lines == [
-        ",".join(QUALITY_COLUMNS),
+        ",".join(map_files.QUALITY_COLUMNS),
         "0.5,0.5,1,3,1,0.1,,0",
         "1.5,0.5,2,4,0.9,0.2,0.25,1",
     ]

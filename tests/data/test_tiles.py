@@ -10,7 +10,8 @@ import pytest
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import FloorMap, Payload
-from elfslam.data.tiles import encoder_identity, map_of_parts, stretches_of, tiles_of
+from elfslam.data.tiles import encoder_identity, stretches_of, tiles_of
+from tests.data.phone_maps import map_of_parts
 
 PLACES = np.array([[7.9, -0.1], [0.0, 0.0], [8.0, 0.0], [-3.0, 7.0], [7.0, 7.9], [0.5, 0.0]])
 ORDER = [3, 0, 1, 4, 5, 2]

@@ -9,18 +9,8 @@ import pytest
 from one_phone import AIR, DEAD, MICROPHONE_M, SIZE_M, SPEAKER_M, UP, X, dead_room, ends_at
 
 from elfslam.base.arrays import F64
+from elfslam.world import diffuse
 from elfslam.world.device import BAND_BINS
-from elfslam.world.diffuse import (
-    GLINTS,
-    POINTS,
-    SCATTERING_M,
-    Crowd,
-    add_diffuse,
-    diffuse_echoes,
-    make_crowd,
-    stand,
-    tilted,
-)
 from elfslam.world.materials import Material, material
 from elfslam.world.paths import Reach
 from elfslam.world.phone import Transducers, image_echoes
@@ -53,7 +43,7 @@ def heard_and_falling(
     """Envelopes (2, n, 630): what is heard, and the same with each path times its fall."""
     out, falling = both = np.zeros((2, len(ends.speaker), BAND_BINS), dtype=np.complex64)
     scene = scene_of(room or rough_room())
-    add_diffuse(out, falling, scene, scattering, ends, people_m, AIR, 1, person)
+    diffuse.add_diffuse(out, falling, scene, scattering, ends, people_m, AIR, 1, person)
     return both
 
 
@@ -124,7 +114,7 @@ def test_a_patch_alone_is_heard_as_loud_as_it_scatters() -> None:
         damped = np.exp(-2 * AIR.attenuation_per_m * (there + home))
         law.append(whole.once[k] ** 2 * max(a, 0) * max(b, 0) / (there * home) ** 2 * damped)
     pulse = 0.985  # energy of the pulse of a column, that of one sample being 1
-    assert GLINTS > 1
+    assert diffuse.GLINTS > 1
     assert sum(found) == pytest.approx(pulse * sum(law), rel=0.2)
 
 
@@ -184,9 +174,9 @@ def test_the_engine_is_mirror_images_and_the_field() -> None:
     )
     falling = np.zeros((1, BAND_BINS), dtype=np.complex64)
     both = image_echoes(bare, ends_at(), NOBODY, AIR, Reach(), 1, falling)
-    add_diffuse(both, falling, bare, scattering, ends_at(), NOBODY, AIR)
-    out = diffuse_echoes(scene, ends_at(), NOBODY, AIR, Reach(), scattering=scattering)
-    assert np.abs(out - tilted(both, falling, AIR)).max() == 0
+    diffuse.add_diffuse(both, falling, bare, scattering, ends_at(), NOBODY, AIR)
+    out = diffuse.diffuse_echoes(scene, ends_at(), NOBODY, AIR, Reach(), scattering=scattering)
+    assert np.abs(out - diffuse.tilted(both, falling, AIR)).max() == 0
 
 
 def test_every_path_is_also_written_times_its_fall() -> None:
@@ -218,7 +208,7 @@ def test_the_whole_engine_is_reciprocal_at_every_frequency() -> None:
     room = rough_room()
     scene, scattering = scene_of(room), scattering_of(room)
     forth, back = (
-        diffuse_echoes(scene, ends, NOBODY, AIR, Reach(), scattering=scattering)[0]
+        diffuse.diffuse_echoes(scene, ends, NOBODY, AIR, Reach(), scattering=scattering)[0]
         for ends in (ends_at(), ends_at(MICROPHONE_M, SPEAKER_M))
     )
     spectra = np.fft.fft(forth), np.fft.fft(back)
@@ -249,7 +239,9 @@ def test_a_wall_mirrors_at_every_frequency_what_it_neither_absorbs_nor_scatters(
     mirrored = np.sqrt(1 - scattering) * (
         image_echoes(scene_of(smooth), ends_at(), NOBODY, flat, reach)[0] - direct
     )
-    found = diffuse_echoes(scene_of(room), ends_at(), NOBODY, flat, reach, scattering=silent)[0]
+    found = diffuse.diffuse_echoes(
+        scene_of(room), ends_at(), NOBODY, flat, reach, scattering=silent
+    )[0]
     found -= direct
     hz, level_db = spectrum_of(found)
     other_db = spectrum_of(mirrored)[1]
@@ -262,7 +254,7 @@ def test_air_damps_the_upper_edge_more_than_the_lower() -> None:
     pulse = np.zeros((1, BAND_BINS), dtype=np.complex64)
     metres = 20.0
     pulse[0, round(metres / AIR.speed_mps * BASEBAND_HZ)] = 1.0
-    heard_through = tilted(pulse, np.zeros_like(pulse), AIR)
+    heard_through = diffuse.tilted(pulse, np.zeros_like(pulse), AIR)
     transfer = 20 * np.log10(np.abs(np.fft.fftshift(np.fft.fft(heard_through[0]))))
     low, middle, high = transfer[[65, 315, 565]]
     assert low - high == pytest.approx(4.0 * metres / 21.0, abs=0.4)
@@ -273,9 +265,9 @@ CROWD_PERSON = material("person")
 PLACE_M = np.array([2.0, 2.5, 1.2])
 
 
-def standing_crowd(people_m: F64) -> Crowd:
-    crowd = make_crowd(len(people_m), CROWD_PERSON)
-    stand(crowd, people_m)
+def standing_crowd(people_m: F64) -> diffuse.Crowd:
+    crowd = diffuse.make_crowd(len(people_m), CROWD_PERSON)
+    diffuse.stand(crowd, people_m)
     return crowd
 
 
@@ -290,16 +282,18 @@ def heard_crowd(
     out = np.zeros((len(ends.speaker), BAND_BINS), dtype=np.complex64)
     people = np.repeat(people_m[None], len(out), axis=0)
     falling, scene = np.zeros_like(out), scene_of(around)
-    add_diffuse(out, falling, scene, scattering_of(around), ends, people, AIR, person=person)
+    diffuse.add_diffuse(
+        out, falling, scene, scattering_of(around), ends, people, AIR, person=person
+    )
     return out
 
 
 def energy_of_a_cylinder(speaker_m: F64, microphone_m: F64, person_m: F64) -> float:
     """Lambert's law over the side of a person between the heights that scatter, in small pieces."""
-    turn, height = np.linspace(0, 2 * np.pi, 361)[:-1], np.linspace(*SCATTERING_M, 49)
+    turn, height = np.linspace(0, 2 * np.pi, 361)[:-1], np.linspace(*diffuse.SCATTERING_M, 49)
     normal = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=-1)[:, None]
     point = np.append(person_m, 0.0) + PERSON_RADIUS_M * normal + height[:, None] * [0, 0, 1.0]
-    area_m2 = 2 * np.pi * PERSON_RADIUS_M * np.ptp(SCATTERING_M) / len(turn) / len(height)
+    area_m2 = 2 * np.pi * PERSON_RADIUS_M * np.ptp(diffuse.SCATTERING_M) / len(turn) / len(height)
     law = area_m2 * CROWD_PERSON.diffuse / np.pi * np.ones(point.shape[:2])
     for place in (speaker_m, microphone_m):
         way = place - point
@@ -315,19 +309,19 @@ def energy_of_a_cylinder(speaker_m: F64, microphone_m: F64, person_m: F64) -> fl
 def test_points_lie_on_the_cylinders_and_look_out() -> None:
     people_m = np.array([[1.0, 2.0], [4.0, 3.0]])
     crowd = standing_crowd(people_m)
-    away = crowd.point[:, :2] - np.repeat(people_m, POINTS, axis=0)
+    away = crowd.point[:, :2] - np.repeat(people_m, diffuse.POINTS, axis=0)
     np.testing.assert_allclose(away, PERSON_RADIUS_M * crowd.normal[:, :2], atol=1e-12)
     assert np.linalg.norm(crowd.normal, axis=1) == pytest.approx(1.0)
-    assert SCATTERING_M[0] <= crowd.point[:, 2].min() < SCATTERING_M[0] + 0.2
-    assert SCATTERING_M[1] >= crowd.point[:, 2].max() > SCATTERING_M[1] - 0.2
-    turn = np.sort(np.arctan2(crowd.normal[:POINTS, 1], crowd.normal[:POINTS, 0]))
-    assert np.diff(turn).max() < 2 * 2 * np.pi / POINTS, "on every side"
+    assert diffuse.SCATTERING_M[0] <= crowd.point[:, 2].min() < diffuse.SCATTERING_M[0] + 0.2
+    assert diffuse.SCATTERING_M[1] >= crowd.point[:, 2].max() > diffuse.SCATTERING_M[1] - 0.2
+    turn = np.sort(np.arctan2(crowd.normal[: diffuse.POINTS, 1], crowd.normal[: diffuse.POINTS, 0]))
+    assert np.diff(turn).max() < 2 * 2 * np.pi / diffuse.POINTS, "on every side"
 
 
 def test_a_person_takes_their_points_along() -> None:
     here, there = standing_crowd(np.zeros((3, 2))), standing_crowd(np.full((3, 2), 2.0))
-    np.testing.assert_allclose(there.point - here.point, [[2.0, 2.0, 0.0]] * 3 * POINTS)
-    first, second = here.point[:POINTS], here.point[POINTS : 2 * POINTS]
+    np.testing.assert_allclose(there.point - here.point, [[2.0, 2.0, 0.0]] * 3 * diffuse.POINTS)
+    first, second = here.point[: diffuse.POINTS], here.point[diffuse.POINTS : 2 * diffuse.POINTS]
     assert np.abs(first - second).max() > 0.05
     alone = standing_crowd(np.zeros((1, 2)))
     assert (alone.point == first).all()
@@ -389,7 +383,7 @@ def test_threads_and_rows_change_no_byte() -> None:
     scene, scattering = scene_of(room), scattering_of(room)
     for threads in (1, 3):
         out = np.zeros_like(whole)
-        add_diffuse(
+        diffuse.add_diffuse(
             out, np.zeros_like(out), scene, scattering, three, people_m, AIR, threads, CROWD_PERSON
         )
         for k in range(3):

@@ -10,18 +10,8 @@ from one_phone import AIR, DEAD, FIRST_ORDER, UP, ends_at
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
+from elfslam.world import doors
 from elfslam.world.circumstances import Circumstances, room_on
-from elfslam.world.doors import (
-    DOORWAY,
-    OPEN_SHARE,
-    HingedDoor,
-    blocks_of,
-    in_outer_wall,
-    leads_through,
-    leaf_ends,
-    room_to_walk_in,
-    with_doors,
-)
 from elfslam.world.kinds import PEOPLE
 from elfslam.world.materials import Material, material
 from elfslam.world.phone import image_echoes
@@ -52,14 +42,14 @@ def divided() -> Room:
     return shoebox(SIZE_M, walls, (screen("south", 0.0, 1.5), screen("north", 2.5, 4.0)), 5)
 
 
-def door_of(**changes: object) -> HingedDoor:
-    door = HingedDoor("door", HARD, np.array([3.0, 1.5]), np.array([3.0, 2.5]), height_m=3.0)
+def door_of(**changes: object) -> doors.HingedDoor:
+    door = doors.HingedDoor("door", HARD, np.array([3.0, 1.5]), np.array([3.0, 2.5]), height_m=3.0)
     return replace(door, **changes)  # type: ignore[arg-type]
 
 
-def outer_door() -> HingedDoor:
+def outer_door() -> doors.HingedDoor:
     """In the east wall, before the phone; it opens into the room."""
-    return HingedDoor("exit", HARD, np.array([8.0, 1.5]), np.array([8.0, 2.5]), 3.0)
+    return doors.HingedDoor("exit", HARD, np.array([8.0, 1.5]), np.array([8.0, 2.5]), 3.0)
 
 
 def after_m(room: Room, metres: float) -> float:
@@ -70,24 +60,24 @@ def after_m(room: Room, metres: float) -> float:
     return float(np.abs(out[at - 1 : at + 2]).max())
 
 
-def opened(door: HingedDoor, room: Room, *, is_open: bool) -> Room:
-    return replace(room, blocks=(*room.blocks, *blocks_of(door, room, is_open=is_open)))
+def opened(door: doors.HingedDoor, room: Room, *, is_open: bool) -> Room:
+    return replace(room, blocks=(*room.blocks, *doors.blocks_of(door, room, is_open=is_open)))
 
 
 # --- leaves ---
 
 
 def test_a_shut_leaf_reaches_from_end_to_end_and_an_open_one_stands_to_the_left() -> None:
-    assert leaf_ends(door_of(), is_open=False).tolist() == [[[3.0, 1.5], [3.0, 2.5]]]
-    [[hinge, tip]] = leaf_ends(door_of(), is_open=True)
+    assert doors.leaf_ends(door_of(), is_open=False).tolist() == [[[3.0, 1.5], [3.0, 2.5]]]
+    [[hinge, tip]] = doors.leaf_ends(door_of(), is_open=True)
     assert (hinge.tolist(), tip.tolist()) == ([3.0, 1.5], pytest.approx([2.0, 1.5]))
-    [[_, right]] = leaf_ends(door_of(open_rad=-np.pi / 2), is_open=True)
+    [[_, right]] = doors.leaf_ends(door_of(open_rad=-np.pi / 2), is_open=True)
     assert right == pytest.approx(np.array([4.0, 1.5]))
 
 
 def test_two_leaves_meet_in_the_middle_and_open_to_one_side() -> None:
     double = door_of(leaves=2, open_rad=np.pi / 3)
-    shut, wide = (leaf_ends(double, is_open=is_open) for is_open in (False, True))
+    shut, wide = (doors.leaf_ends(double, is_open=is_open) for is_open in (False, True))
     assert shut[:, 0].tolist() == wide[:, 0].tolist() == [[3.0, 1.5], [3.0, 2.5]]
     assert shut[:, 1] == pytest.approx(np.array([[3.0, 2.0], [3.0, 2.0]]))
     away = 0.5 * np.sin(np.pi / 3)
@@ -97,8 +87,8 @@ def test_two_leaves_meet_in_the_middle_and_open_to_one_side() -> None:
 @pytest.mark.parametrize("turn_rad", [0.0, 0.7, -2.4])
 def test_leaves_are_blocks_where_their_ends_are(turn_rad: float) -> None:
     door = door_of(open_rad=turn_rad, height_m=2.0)
-    [leaf] = blocks_of(door, divided(), is_open=True)
-    [[hinge, tip]] = leaf_ends(door, is_open=True)
+    [leaf] = doors.blocks_of(door, divided(), is_open=True)
+    [[hinge, tip]] = doors.leaf_ends(door, is_open=True)
     assert leaf.centre_m == pytest.approx((hinge + tip) / 2)
     assert leaf.turn(np.array([[0.5, 0.0]]))[0] == pytest.approx((tip - hinge) / 2)
     assert (leaf.size_m[0], leaf.top_m, leaf.surface) == (pytest.approx(1.0), 2.0, HARD)
@@ -137,15 +127,15 @@ def test_a_leaf_mirrors_where_it_stands() -> None:
 
 def test_a_door_in_an_outer_wall_is_the_wall_while_it_is_shut() -> None:
     room = divided()
-    assert in_outer_wall(outer_door(), room)
-    assert not in_outer_wall(door_of(), room)
-    assert blocks_of(outer_door(), room, is_open=False) == ()
+    assert doors.in_outer_wall(outer_door(), room)
+    assert not doors.in_outer_wall(door_of(), room)
+    assert doors.blocks_of(outer_door(), room, is_open=False) == ()
 
 
 def test_nothing_comes_back_from_an_open_doorway() -> None:
     room = divided()
-    leaf, way = blocks_of(outer_door(), room, is_open=True)
-    assert way.surface is DOORWAY
+    leaf, way = doors.blocks_of(outer_door(), room, is_open=True)
+    assert way.surface is doors.DOORWAY
     assert way.corners_m.min(axis=0) == pytest.approx([7.98, 1.5])
     assert way.corners_m.max(axis=0) == pytest.approx([8.0, 2.5])
     assert room.holds(leaf.centre_m[None]).all()
@@ -155,14 +145,14 @@ def test_nothing_comes_back_from_an_open_doorway() -> None:
 
 def test_a_doorway_absorbs_all_in_measured_rooms_too() -> None:
     room = as_measured(opened(outer_door(), divided(), is_open=True))
-    assert room.blocks[-1].surface is DOORWAY
+    assert room.blocks[-1].surface is doors.DOORWAY
     assert material("acoustic partition").absorption < 1, "no material is taken for an opening"
 
 
 # --- days ---
 
 
-def is_open(room: Room, door: HingedDoor) -> bool:
+def is_open(room: Room, door: doors.HingedDoor) -> bool:
     [leaf] = [block for block in room.blocks if block.name == f"{door.name} leaf 1"]
     return bool(np.abs(leaf.turn_rad - np.pi / 2) > 0.1)
 
@@ -170,19 +160,21 @@ def is_open(room: Room, door: HingedDoor) -> bool:
 def test_a_day_finds_a_door_open_or_shut_the_same_every_time() -> None:
 
     def found(room: Room, days: int) -> list[bool]:
-        return [is_open(with_doors(room, [door_of()], [], day), door_of()) for day in range(days)]
+        return [
+            is_open(doors.with_doors(room, [door_of()], [], day), door_of()) for day in range(days)
+        ]
 
     days = found(divided(), 400)
     assert found(divided(), 40) == days[:40] != found(replace(divided(), seed=6), 40)
-    assert np.mean(days) == pytest.approx(OPEN_SHARE, abs=0.1)
+    assert np.mean(days) == pytest.approx(doors.OPEN_SHARE, abs=0.1)
 
 
 def test_a_door_that_somebody_walks_through_is_open() -> None:
     through, past = np.array([[1.0, 2.0], [6.0, 2.0]]), np.array([[2.7, 0.5], [2.7, 3.5]])
-    assert leads_through(through, door_of())
-    assert not leads_through(past, door_of())
+    assert doors.leads_through(through, door_of())
+    assert not doors.leads_through(past, door_of())
     assert all(
-        is_open(with_doors(divided(), [door_of()], [past, through], day), door_of())
+        is_open(doors.with_doors(divided(), [door_of()], [past, through], day), door_of())
         for day in range(20)
     )
 
@@ -190,14 +182,14 @@ def test_a_door_that_somebody_walks_through_is_open() -> None:
 def test_walkers_mind_leaves_wherever_they_may_stand() -> None:
     """Beside the way as well, whatever the day; one that they walk through is never shut."""
     ways: list[F64] = [np.array([[1.0, 2.0], [6.0, 2.0]])]
-    names = [block.name for block in room_to_walk_in(divided(), [door_of()], []).blocks]
+    names = [block.name for block in doors.room_to_walk_in(divided(), [door_of()], []).blocks]
     assert names.count("door leaf 1") == 2
-    led = room_to_walk_in(divided(), [door_of()], ways)
+    led = doors.room_to_walk_in(divided(), [door_of()], ways)
     assert fault_of_route(led, ways[0], closed=False) is None
-    barred = room_to_walk_in(divided(), [door_of()], [])
+    barred = doors.room_to_walk_in(divided(), [door_of()], [])
     assert 'meets "door leaf 1"' in str(fault_of_route(barred, ways[0], closed=False))
     room = divided()
-    assert room_to_walk_in(room, [], ways) is room
+    assert doors.room_to_walk_in(room, [], ways) is room
 
 
 # --- built-in worlds ---
@@ -223,7 +215,7 @@ def test_no_door_of_a_built_in_world_is_ever_in_the_way(name: str) -> None:
     asking = PEOPLE.asking_place(world, 1)
     for place in (world, asking):
         for day in (0, 20, 21):
-            room = with_doors(place.room, place.doors, place.ways_m, day)
+            room = doors.with_doors(place.room, place.doors, place.ways_m, day)
             assert fault_of_route(room, place.route_m, closed=True) is None
             for route_m in place.people.routes_m:
                 assert fault_of_route(room, route_m, closed=False) is None
@@ -236,7 +228,7 @@ def test_rooms_and_stores_have_doors_and_one_store_is_walked_into() -> None:
         "office": 2, "studio": 1,
     }  # fmt: skip
     mall = load_world("mall")
-    assert [d.name for d in mall.doors if any(leads_through(w, d) for w in mall.ways_m)] == [
+    assert [d.name for d in mall.doors if any(doors.leads_through(w, d) for w in mall.ways_m)] == [
         "pharmacy door"
     ]
 

@@ -7,18 +7,8 @@ import pytest
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import ParameterError
+from elfslam.world import kinds
 from elfslam.world.circumstances import Circumstances, device_of
-from elfslam.world.kinds import (
-    KINDS,
-    LEFT_OUT_M,
-    PEOPLE,
-    QUIET,
-    SURVEYOR,
-    Kind,
-    crossing_route,
-    kind_named,
-    people_about,
-)
 from elfslam.world.materials import material
 from elfslam.world.room import Room, box, fault_of_route, shoebox
 from elfslam.world.simulate import WALKERS
@@ -33,12 +23,12 @@ def room_of(area_m2: float) -> Room:
 
 def test_a_quiet_day_is_what_simulate_gives_by_itself() -> None:
     room = room_of(400.0)
-    assert QUIET.mapping(room) == QUIET.asking(room) == Circumstances()
-    assert QUIET.walker == WALKERS[0]
+    assert kinds.QUIET.mapping(room) == kinds.QUIET.asking(room) == Circumstances()
+    assert kinds.QUIET.walker == WALKERS[0]
 
 
-@pytest.mark.parametrize("kind", [SURVEYOR, PEOPLE], ids=lambda kind: kind.name)
-def test_who_asks_comes_on_another_day_with_another_phone(kind: Kind) -> None:
+@pytest.mark.parametrize("kind", [kinds.SURVEYOR, kinds.PEOPLE], ids=lambda kind: kind.name)
+def test_who_asks_comes_on_another_day_with_another_phone(kind: kinds.Kind) -> None:
     mapping, asking = kind.mapping(room_of(400.0)), kind.asking(room_of(400.0))
     assert mapping.engine == asking.engine == "diffuse"
     assert mapping.day == 0 < asking.day
@@ -50,21 +40,21 @@ def test_who_asks_comes_on_another_day_with_another_phone(kind: Kind) -> None:
 
 
 def test_the_larger_the_place_the_more_people_are_about() -> None:
-    about = [people_about(room_of(area_m2)) for area_m2 in (60.0, 360.0, 2000.0)]
+    about = [kinds.people_about(room_of(area_m2)) for area_m2 in (60.0, 360.0, 2000.0)]
     assert about[0] == 0 < about[1] < about[2]
 
 
 def test_kinds_are_known_by_name_and_others_refused() -> None:
-    assert [kind_named(name) for name in KINDS] == list(KINDS.values())
-    assert {kind.walker for kind in KINDS.values()} == set(WALKERS)
+    assert [kinds.kind_named(name) for name in kinds.KINDS] == list(kinds.KINDS.values())
+    assert {kind.walker for kind in kinds.KINDS.values()} == set(WALKERS)
     with pytest.raises(ParameterError, match="kind 'lazy': wanted people, surveyor, quiet"):
-        kind_named("lazy")
+        kinds.kind_named("lazy")
 
 
 def test_people_ask_on_other_ways_and_surveyors_on_the_mapped_one() -> None:
     world = load_world("studio")
-    assert SURVEYOR.asking_place(world, 1) is QUIET.asking_place(world, 1) is world
-    one, again, other = (PEOPLE.asking_place(world, seed).route_m for seed in (1, 1, 2))
+    assert kinds.SURVEYOR.asking_place(world, 1) is kinds.QUIET.asking_place(world, 1) is world
+    one, again, other = (kinds.PEOPLE.asking_place(world, seed).route_m for seed in (1, 1, 2))
     assert (one == again).all()
     assert one.shape != world.route_m.shape
     assert one.shape != other.shape or (one != other).any()
@@ -82,10 +72,10 @@ def away_m(points_m: F64, route_m: F64) -> F64:
 @pytest.mark.parametrize("seed", range(5))
 def test_a_part_is_kept_and_a_part_cut_across(seed: int) -> None:
     room = shoebox(np.array([10.0, 8.0, 3.0]), PLASTER)
-    route_m = crossing_route(room, ROUTE_M, np.random.default_rng(seed))
+    route_m = kinds.crossing_route(room, ROUTE_M, np.random.default_rng(seed))
     lap_xy, length_m = smooth_lap(route_m)
     off_m = away_m(lap_xy, ROUTE_M)
-    assert off_m.max() > LEFT_OUT_M
+    assert off_m.max() > kinds.LEFT_OUT_M
     assert 0.3 < (off_m < 0.3).mean() < 0.95
     assert length_m < smooth_lap(ROUTE_M)[1]
 
@@ -94,7 +84,7 @@ def test_a_part_is_kept_and_a_part_cut_across(seed: int) -> None:
 def test_nobody_walks_through_furniture(world: str) -> None:
     place = load_world(world)
     for seed in range(3):
-        route_m = crossing_route(place.room, place.route_m, np.random.default_rng(seed))
+        route_m = kinds.crossing_route(place.room, place.route_m, np.random.default_rng(seed))
         assert route_m is not place.route_m
         ends_m = route_m[[-1, 0]]
         assert fault_of_route(place.room, np.vstack([ends_m, ends_m[:1]]), closed=False) is None
@@ -103,4 +93,4 @@ def test_nobody_walks_through_furniture(world: str) -> None:
 def test_where_nothing_leads_across_the_route_stays() -> None:
     filled = box("block", np.array([1.4, 1.4, 0.0]), np.array([7.2, 5.2, 2.0]))
     room = shoebox(np.array([10.0, 8.0, 3.0]), PLASTER, (filled,))
-    assert crossing_route(room, ROUTE_M, np.random.default_rng(0)) is ROUTE_M
+    assert kinds.crossing_route(room, ROUTE_M, np.random.default_rng(0)) is ROUTE_M

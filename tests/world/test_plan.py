@@ -9,26 +9,15 @@ from hypothesis import strategies as st
 from planted_blocks import LAMP, NOBODY, PLAIN, TABLE, random_blocks, scene_with, scene_with_a_notch
 
 from elfslam.base.arrays import F64
-from elfslam.world.plan import (
-    PERSON_HEIGHT_M,
-    PERSON_RADIUS_M,
-    SECTORS,
-    Sight,
-    hides,
-    look,
-    make_crossings,
-    make_sight,
-    meets_wall,
-    note_crossings,
-)
+from elfslam.world import plan
 from elfslam.world.room import Block
 from elfslam.world.scene import FEW_BLOCKS, Scene
 
 
 def crossed(scene: Scene, a: F64, b: F64, people: F64 = NOBODY, start: float = 0.0) -> F64:
     """Enter, leave, low and high of each obstacle (k, 4), sorted."""
-    crossings = make_crossings(len(scene.block_low))
-    count = note_crossings(scene, people, crossings, 0, start, a[0], a[1], b[0], b[1])
+    crossings = plan.make_crossings(len(scene.block_low))
+    count = plan.note_crossings(scene, people, crossings, 0, start, a[0], a[1], b[0], b[1])
     found = np.column_stack(crossings[:4])[:count]
     return found[np.lexsort(found.T[::-1])]
 
@@ -54,7 +43,7 @@ def test_passing_by_or_touching_a_corner_is_not_crossing(a: list[float], b: list
 def test_a_person_is_a_cylinder() -> None:
     people = np.array([[4.0, 3.0], [4.0, 5.0]])
     (found,) = crossed(scene_with(), np.array([1.0, 3.0]), np.array([7.0, 3.0]), people)
-    expected = [3 - PERSON_RADIUS_M, 3 + PERSON_RADIUS_M, 0.0, PERSON_HEIGHT_M]
+    expected = [3 - plan.PERSON_RADIUS_M, 3 + plan.PERSON_RADIUS_M, 0.0, plan.PERSON_HEIGHT_M]
     np.testing.assert_allclose(found, expected)
 
 
@@ -92,26 +81,26 @@ def test_the_grid_finds_what_looking_at_every_block_finds(seed: int, count: int)
 )
 def test_a_line_across_the_notch_meets_its_walls(a: list[float], b: list[float], met: bool) -> None:
     scene = scene_with_a_notch()
-    assert bool(meets_wall(scene, *map(float, a), *map(float, b), -1, -1)) == met
+    assert bool(plan.meets_wall(scene, *map(float, a), *map(float, b), -1, -1)) == met
 
 
 def test_a_wall_is_not_met_by_lines_that_start_on_it() -> None:
     """From just behind the side x = 3 of the notch, as rounding may have it."""
     scene = scene_with_a_notch()
     line = (3.0 + 1e-12, 4.0, 1.0, 2.0)
-    assert meets_wall(scene, *line, -1, -1)
-    assert not meets_wall(scene, *line, 3, -1)
-    assert not meets_wall(scene, line[2], line[3], line[0], line[1], -1, 3)
+    assert plan.meets_wall(scene, *line, -1, -1)
+    assert not plan.meets_wall(scene, *line, 3, -1)
+    assert not plan.meets_wall(scene, line[2], line[3], line[0], line[1], -1, 3)
 
 
-def sight_from(scene: Scene, place_m: F64, far_m: float = 20.0) -> Sight:
-    sight = make_sight(len(scene.block_low))
-    look(scene, sight, *map(float, place_m), far_m)
+def sight_from(scene: Scene, place_m: F64, far_m: float = 20.0) -> plan.Sight:
+    sight = plan.make_sight(len(scene.block_low))
+    plan.look(scene, sight, *map(float, place_m), far_m)
     return sight
 
 
 def is_hidden(scene: Scene, a: F64, b: F64, people: F64 = NOBODY) -> bool:
-    return bool(hides(scene, people, sight_from(scene, a), *map(float, b)))
+    return bool(plan.hides(scene, people, sight_from(scene, a), *map(float, b)))
 
 
 @pytest.mark.parametrize(
@@ -141,8 +130,8 @@ def test_sight_passes_over_a_person(height_m: float, hidden: bool) -> None:
 
 def by_crossings(scene: Scene, a: F64, b: F64) -> bool:
     """The same by all that the line crosses in plan, and at what height."""
-    crossings = make_crossings(len(scene.block_low))
-    count = note_crossings(scene, NOBODY, crossings, 0, 0.0, a[0], a[1], b[0], b[1])
+    crossings = plan.make_crossings(len(scene.block_low))
+    count = plan.note_crossings(scene, NOBODY, crossings, 0, 0.0, a[0], a[1], b[0], b[1])
     slope = (b[2] - a[2]) / np.linalg.norm((b - a)[:2])
     ends = a[2] + slope * np.stack([crossings.enter[:count], crossings.leave[:count]])
     low, high = crossings.low[:count], crossings.high[:count]
@@ -189,7 +178,7 @@ def test_a_point_is_hidden_where_a_box_is_cut_in_space(seed: int, count: int) ->
     for point in generator.uniform(0.0, [8.0, 6.0, 2.5], (20, 3)):
         through = any(length_inside_m(block, place, point, -CLEAR_M) > CLEAR_M for block in blocks)
         touched = any(length_inside_m(block, place, point, CLEAR_M) > 0 for block in blocks)
-        hidden = bool(hides(scene, NOBODY, sight, *point))
+        hidden = bool(plan.hides(scene, NOBODY, sight, *point))
         assert hidden or not through
         assert touched or not hidden
 
@@ -204,8 +193,8 @@ def test_sectors_wrap_round(angle: float, turn: float) -> None:
     left = np.array([-ahead[1], ahead[0]])
     views = [(2.5 * ahead, True), (1.0 * ahead, False), (-2.5 * ahead, False), (2.5 * left, False)]
     for way, hidden in views:
-        assert bool(hides(scene, NOBODY, sight, *(middle + way), 1.2)) == hidden
-    assert 0 < np.count_nonzero(sight.filled) < SECTORS / 4
+        assert bool(plan.hides(scene, NOBODY, sight, *(middle + way), 1.2)) == hidden
+    assert 0 < np.count_nonzero(sight.filled) < plan.SECTORS / 4
 
 
 def test_what_is_farther_than_asked_for_is_left_out_and_nothing_else() -> None:
@@ -215,5 +204,5 @@ def test_what_is_farther_than_asked_for_is_left_out_and_nothing_else() -> None:
     near, far = sight_from(scene, place, 2.0), sight_from(scene, place)
     assert near.filled.sum() < far.filled.sum()
     for point in place + generator.uniform(-1.4, 1.4, (300, 3)) * [1.0, 1.0, 0.8]:
-        verdicts = [bool(hides(scene, NOBODY, sight, *point)) for sight in (near, far)]
+        verdicts = [bool(plan.hides(scene, NOBODY, sight, *point)) for sight in (near, far)]
         assert verdicts[0] == verdicts[1]

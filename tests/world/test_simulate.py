@@ -10,15 +10,8 @@ from scipy import signal
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import DISCARDED_SAMPLES, ECHO_SAMPLES, Audio, Recording, Truth
+from elfslam.stages import echo
 from elfslam.stages.chirp import ChirpParameters, make_chirp
-from elfslam.stages.echo import (
-    EchoParameters,
-    cut_echoes,
-    find_arrivals,
-    find_frames,
-    frame_facts,
-    matched_envelope,
-)
 from elfslam.stages.feature import SpectralEncoder
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.device import ICM20948, built_in_device
@@ -83,7 +76,7 @@ def test_chirps_are_played_within_their_periods_when_the_recording_says(studio: 
     assert 0.023 < offset_s.max() <= 0.0251
     assert abs(np.corrcoef(offset_s[1:], offset_s[:-1])[0, 1]) < 0.2
     chirp = make_chirp(ChirpParameters(), 44_100)
-    echoes = cut_echoes(audio_of(recording), chirp, EchoParameters(), played_t_s=played_s)
+    echoes = echo.cut_echoes(audio_of(recording), chirp, echo.EchoParameters(), played_t_s=played_s)
     assert len(echoes.t_s) == len(played_s)
     late_s = echoes.t_s - played_s
     assert LATENCY_S[0] < late_s.mean() < LATENCY_S[1] + 0.001
@@ -99,8 +92,8 @@ def test_chirps_are_softer_by_chance_and_the_recording_says_which(studio: World)
     assert set(gain_db.tolist()) == {0.0, -4.0}
     assert 0.4 < np.mean(gain_db == 0) < 0.6
     chirp = make_chirp(ChirpParameters(), 44_100)
-    frames = find_frames(audio_of(recording), chirp, EchoParameters(), played_s)
-    level_db = 20 * np.log10(frame_facts(frames, EchoParameters()).level)
+    frames = echo.find_frames(audio_of(recording), chirp, echo.EchoParameters(), played_s)
+    level_db = 20 * np.log10(echo.frame_facts(frames, echo.EchoParameters()).level)
     assert np.polyfit(gain_db, level_db, 1)[0] == pytest.approx(1.0, abs=0.05)
 
 
@@ -164,8 +157,8 @@ def test_the_line_finds_every_direct_sound(studio: World, seed: int) -> None:
     """One every 100 ms to the sample, at a latency of this run."""
     audio = audio_of(simulate(studio, seed, rounds=2)[0])
     chirp = make_chirp(ChirpParameters(), audio.rate_hz)
-    envelope = matched_envelope(audio.samples[0], chirp)
-    arrivals = find_arrivals(envelope, PERIOD_SAMPLES, EchoParameters())
+    envelope = echo.matched_envelope(audio.samples[0], chirp)
+    arrivals = echo.find_arrivals(envelope, PERIOD_SAMPLES, echo.EchoParameters())
     assert arrivals.jumps == ()
     assert np.abs(np.diff(arrivals.samples) - PERIOD_SAMPLES).max() <= 1
     first_s = arrivals.samples[0] / audio.rate_hz
@@ -185,7 +178,7 @@ def test_every_chirp_is_heard_where_the_walker_was(
     assert (walked[1].world_from_body[:, :2] == motion.position_m[::8, :2]).all()
     audio = audio_of(walked[0])
     chirp, device = make_chirp(ChirpParameters(), audio.rate_hz), built_in_device("simulated phone")
-    direct = cut_echoes(audio, chirp, EchoParameters())
+    direct = echo.cut_echoes(audio, chirp, echo.EchoParameters())
     k = int(np.searchsorted(direct.t_s, moment_s))
     at = [int((direct.t_s[k] - device.separation_m / air_at().speed_mps) * KINEMATICS_RATE_HZ)]
     speed = np.gradient(motion.position_m, 1 / KINEMATICS_RATE_HZ, axis=0)
@@ -224,7 +217,7 @@ def test_every_run_has_its_own_latency(studio: World) -> None:
     latencies = set()
     for seed in range(4):
         samples = audio_of(simulate(studio, seed, rounds=1)[0]).samples[0]
-        latencies.add(int(matched_envelope(samples[: 2 * PERIOD_SAMPLES], chirp).argmax()))
+        latencies.add(int(echo.matched_envelope(samples[: 2 * PERIOD_SAMPLES], chirp).argmax()))
     assert len(latencies) == 4
 
 
@@ -234,7 +227,7 @@ def test_both_rates_hear_the_same_walk(studio: World, walked: tuple[Recording, T
     assert audio.rate_hz == 48_000
     assert truth.world_from_body.tobytes() == walked[1].world_from_body.tobytes()
     slow, fast = (
-        cut_echoes(heard, make_chirp(ChirpParameters(), heard.rate_hz), EchoParameters())
+        echo.cut_echoes(heard, make_chirp(ChirpParameters(), heard.rate_hz), echo.EchoParameters())
         for heard in (audio_of(walked[0]), audio)
     )
     assert np.abs(slow.t_s - fast.t_s).max() < 1e-4

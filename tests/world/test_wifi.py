@@ -10,26 +10,16 @@ import pytest
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import WifiScans
+from elfslam.world import wifi
 from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion
-from elfslam.world.wifi import (
-    NEAREST_M,
-    AccessPoint,
-    WifiParameters,
-    channel_mhz,
-    mean_rssi_dbm,
-    random_shadowing,
-    scan,
-    shadow_db,
-    walls_crossed,
-)
 
 NO_WALLS = np.zeros((0, 2, 2))
 SQUARE = np.array([[[0, 0], [4, 0]], [[4, 0], [4, 4]], [[4, 4], [0, 4]], [[0, 4], [0, 0]]], float)
-CLEAN = WifiParameters(shadowing_db=0.0, fading_db=0.0, missed_share=0.0, body_loss_db=0.0)
+CLEAN = wifi.WifiParameters(shadowing_db=0.0, fading_db=0.0, missed_share=0.0, body_loss_db=0.0)
 
 
-def point(*position_m: float, bssid: str = "a", power_dbm: float = 16.0) -> AccessPoint:
-    return AccessPoint(bssid, np.array(position_m), power_dbm)
+def point(*position_m: float, bssid: str = "a", power_dbm: float = 16.0) -> wifi.AccessPoint:
+    return wifi.AccessPoint(bssid, np.array(position_m), power_dbm)
 
 
 def straight_walk(duration_s: float, speed_mps: float = 1.0, heading_rad: float = 0.0) -> Motion:
@@ -42,9 +32,9 @@ def straight_walk(duration_s: float, speed_mps: float = 1.0, heading_rad: float 
 
 
 def scans_of(
-    motion: Motion, points: list[AccessPoint], parameters: WifiParameters, seed: int = 0
+    motion: Motion, points: list[wifi.AccessPoint], parameters: wifi.WifiParameters, seed: int = 0
 ) -> WifiScans:
-    made = scan(motion, points, NO_WALLS, 5, np.random.default_rng(seed), parameters)
+    made = wifi.scan(motion, points, NO_WALLS, 5, np.random.default_rng(seed), parameters)
     assert made is not None
     return made
 
@@ -56,20 +46,20 @@ def scans_of(
     ("channel", "mhz"), [(1, 2412), (6, 2437), (13, 2472), (14, 2484), (36, 5180)]
 )
 def test_channels_have_their_frequencies(channel: int, mhz: float) -> None:
-    assert channel_mhz(channel) == mhz
+    assert wifi.channel_mhz(channel) == mhz
 
 
 @pytest.mark.parametrize("channel", [0, 15, 35, 178])
 def test_a_channel_that_is_none_is_refused(channel: int) -> None:
     with pytest.raises(InputError, match=f"channel {channel}: wanted 1 to 14 or 36 to 177"):
-        channel_mhz(channel)
+        wifi.channel_mhz(channel)
 
 
 def test_free_space_at_one_metre() -> None:
     """20 log10(4 pi d f / c) is 40.2 dB at 1 m and 2437 MHz."""
     at = np.array([[1.0, 0.0, 0.0]])
     loss_db = 20 * np.log10(4 * np.pi * 2437e6 / 299_792_458)
-    assert mean_rssi_dbm(point(0, 0, 0), at, NO_WALLS, CLEAN)[0] == pytest.approx(
+    assert wifi.mean_rssi_dbm(point(0, 0, 0), at, NO_WALLS, CLEAN)[0] == pytest.approx(
         16 - loss_db, abs=0.01
     )
 
@@ -77,30 +67,32 @@ def test_free_space_at_one_metre() -> None:
 @pytest.mark.parametrize("exponent", [2.0, 3.5])
 def test_ten_times_the_distance_costs_ten_times_the_exponent(exponent: float) -> None:
     at = np.array([[2.0, 0.0, 0.0], [20.0, 0.0, 0.0]])
-    near, far = mean_rssi_dbm(point(0, 0, 0), at, NO_WALLS, replace(CLEAN, exponent=exponent))
+    near, far = wifi.mean_rssi_dbm(point(0, 0, 0), at, NO_WALLS, replace(CLEAN, exponent=exponent))
     assert near - far == pytest.approx(10 * exponent)
 
 
 def test_the_power_stays_finite_at_the_antenna() -> None:
-    at = np.array([[0.0, 0.0, 0.0], [NEAREST_M, 0.0, 0.0]])
-    touching, near = mean_rssi_dbm(point(0, 0, 0), at, NO_WALLS, CLEAN)
+    at = np.array([[0.0, 0.0, 0.0], [wifi.NEAREST_M, 0.0, 0.0]])
+    touching, near = wifi.mean_rssi_dbm(point(0, 0, 0), at, NO_WALLS, CLEAN)
     assert touching == near
 
 
 def test_walls_are_counted() -> None:
     inside, beside = np.array([2.0, 2.0]), np.array([6.0, 2.0])
     far = np.array([[2.5, 2.5], [6.0, 2.1], [-3.0, 2.2], [2.0, 9.0], [9.0, 8.0]])
-    assert walls_crossed(far, inside, SQUARE).tolist() == [0, 1, 1, 1, 1]
-    assert walls_crossed(far, beside, SQUARE).tolist() == [1, 0, 2, 0, 0]
+    assert wifi.walls_crossed(far, inside, SQUARE).tolist() == [0, 1, 1, 1, 1]
+    assert wifi.walls_crossed(far, beside, SQUARE).tolist() == [1, 0, 2, 0, 0]
     through_a_corner = np.array([[9.0, 9.0], [-3.0, -3.0]])
-    assert walls_crossed(through_a_corner, inside, SQUARE).tolist() == [1, 1]
-    assert walls_crossed(far, inside, NO_WALLS).tolist() == [0] * 5
+    assert wifi.walls_crossed(through_a_corner, inside, SQUARE).tolist() == [1, 1]
+    assert wifi.walls_crossed(far, inside, NO_WALLS).tolist() == [0] * 5
 
 
 def test_every_wall_costs_the_same() -> None:
     at = np.array([[-3.0, 2.0, 1.0]])
     behind_two = point(6.0, 2.0, 1.0)
-    free, walled = (mean_rssi_dbm(behind_two, at, walls, CLEAN)[0] for walls in (NO_WALLS, SQUARE))
+    free, walled = (
+        wifi.mean_rssi_dbm(behind_two, at, walls, CLEAN)[0] for walls in (NO_WALLS, SQUARE)
+    )
     assert free - walled == pytest.approx(2 * CLEAN.wall_loss_db)
 
 
@@ -114,7 +106,9 @@ def test_shadows_have_their_spread_and_length(correlation_m: float) -> None:
     line_m = np.column_stack([lags_m, 0.5 * lags_m]) / np.sqrt(1.25)
     fields = np.array(
         [
-            shadow_db(random_shadowing(np.random.default_rng(seed), 4.0, correlation_m), line_m)
+            wifi.shadow_db(
+                wifi.random_shadowing(np.random.default_rng(seed), 4.0, correlation_m), line_m
+            )
             for seed in range(3000)
         ]
     )
@@ -128,7 +122,7 @@ def test_shadows_stay_with_the_place() -> None:
     motion, points = straight_walk(60), [point(0.0, 5.0, 2.0)]
     parameters = replace(CLEAN, shadowing_db=6.0, scan_rate_hz=5.0)
     first, again = (scans_of(motion, points, parameters, seed) for seed in (0, 1))
-    elsewhere = scan(motion, points, NO_WALLS, 6, np.random.default_rng(0), parameters)
+    elsewhere = wifi.scan(motion, points, NO_WALLS, 6, np.random.default_rng(0), parameters)
     assert elsewhere is not None
     heard_s = [scans.t_s - scans.age_s[:, 0] for scans in (first, again)]
     shared = np.interp(heard_s[0], heard_s[1], again.rssi_dbm[:, 0]) - first.rssi_dbm[:, 0]
@@ -151,7 +145,7 @@ def test_a_reading_is_of_where_it_was_heard() -> None:
     scans = scans_of(motion, [access_point], CLEAN)
     heard_s = scans.t_s - scans.age_s[:, 0]
     at = np.column_stack([heard_s, 0 * heard_s, 0 * heard_s + 1.2])
-    expected = mean_rssi_dbm(access_point, at, NO_WALLS, CLEAN)
+    expected = wifi.mean_rssi_dbm(access_point, at, NO_WALLS, CLEAN)
     assert np.abs(scans.rssi_dbm[:, 0] - expected).max() <= 0.6
     assert np.abs(np.diff(expected)).max() > 1.0
 
@@ -173,7 +167,7 @@ def test_the_weak_are_not_heard_and_the_names_are_sorted() -> None:
 
 def test_nothing_heard_is_no_scan() -> None:
     far = [point(1e5, 0.0, 2.0)]
-    assert scan(straight_walk(20), far, NO_WALLS, 5, np.random.default_rng(0), CLEAN) is None
+    assert wifi.scan(straight_walk(20), far, NO_WALLS, 5, np.random.default_rng(0), CLEAN) is None
 
 
 def test_missed_entries_are_repeated_until_they_are_forgotten() -> None:

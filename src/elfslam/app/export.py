@@ -49,24 +49,24 @@ def export(
     source: Path,
     out: Path,
     to: Format,
-    told: ExportContext | None = None,
+    context: ExportContext | None = None,
     *,
     overwrite: bool = False,
 ) -> None:
     """Write a run or a map as a file of another format, whole or not at all.
 
     A ROS map is two files. An older file is only replaced with `overwrite`. Raises InputError where
-    the run does not hold what the format asks for, ParameterError where something was not told,
+    the run does not hold what the format asks for, ParameterError where something is missing,
     StoreError where it cannot be read or the file cannot be written.
     """
     new = partial(new_file, overwrite=overwrite, reads=[source])
     if to is Format.ROS:
         image = map_exports.image_beside(out)
         with new(out) as file, new(image) as picture:
-            _ros(settled(source), file, picture, readable(image.name), told or ExportContext())
+            _ros(settled(source), file, picture, readable(image.name), context or ExportContext())
         return
     with new(out) as file:
-        EXPORTS[to](settled(source), file, told or ExportContext())
+        EXPORTS[to](settled(source), file, context or ExportContext())
 
 
 def map_of(source: Path) -> FloorMap:
@@ -84,7 +84,7 @@ def map_of(source: Path) -> FloorMap:
     return FloorMap(poses[:, :2], poses[:, 2], walk, order, covariance, (), "", (run.name,))
 
 
-def _tum(source: Path, out: Path, told: ExportContext) -> None:
+def _tum(source: Path, out: Path, context: ExportContext) -> None:
     """The straightened trajectory; of a map its spots in their order, numbered for want of time."""
     if (source / FACTS).is_file():
         trajectory = _run(source).trajectory
@@ -97,14 +97,14 @@ def _tum(source: Path, out: Path, told: ExportContext) -> None:
     write_tum(out, t_s, poses)
 
 
-def _g2o(source: Path, out: Path, told: ExportContext) -> None:
+def _g2o(source: Path, out: Path, context: ExportContext) -> None:
     """The pose graph: steps and all closures, the straightened poses as first guess."""
     run = _run(source)
     graph = build_graph(run.odometry, run.closures)
     map_exports.write_g2o(out, graph, run.trajectory.world_from_body)
 
 
-def _onnx(source: Path, out: Path, told: ExportContext) -> None:
+def _onnx(source: Path, out: Path, context: ExportContext) -> None:
     """The encoder that others are located by."""
     encoder = source / ENCODER
     if not encoder.is_file():
@@ -112,41 +112,41 @@ def _onnx(source: Path, out: Path, told: ExportContext) -> None:
     shutil.copyfile(encoder, out)
 
 
-def _geojson(source: Path, out: Path, told: ExportContext) -> None:
+def _geojson(source: Path, out: Path, context: ExportContext) -> None:
     """Walks, spots, squares of coverage and points of interest on the Earth."""
     map_exports.write_geojson(
-        out, map_of(source), _origin(told), _coverage(source), read_points(source)
+        out, map_of(source), _origin(context), _coverage(source), read_points(source)
     )
 
 
-def _imdf(source: Path, out: Path, told: ExportContext) -> None:
-    origin = _origin(told)
-    if told.place is None:
+def _imdf(source: Path, out: Path, context: ExportContext) -> None:
+    origin = _origin(context)
+    if context.place is None:
         raise ParameterError(
             "place: the format asks for the name and the address of the venue; "
             "give a TOML file with name, category, address, locality, country, level and ordinal",
             argument="place",
         )
     points = read_points(source)
-    write_imdf(out, _lines(source), told.place, origin, datetime.now(UTC), points)
+    write_imdf(out, _lines(source), context.place, origin, datetime.now(UTC), points)
 
 
-def _ros(source: Path, file: Path, picture: Path, image: str, told: ExportContext) -> None:
+def _ros(source: Path, file: Path, picture: Path, image: str, context: ExportContext) -> None:
     """The walked ground as an image of that name."""
-    if not FINEST_M <= told.pixel_m <= COARSEST_M:
+    if not FINEST_M <= context.pixel_m <= COARSEST_M:
         raise ParameterError(
-            f"resolution: got {told.pixel_m:g}, wanted {FINEST_M:g} to {COARSEST_M:g} m; "
+            f"resolution: got {context.pixel_m:g}, wanted {FINEST_M:g} to {COARSEST_M:g} m; "
             "0.05 is usual",
             argument="resolution",
         )
     text, content = map_exports.ros_map(
-        walked_grid(_lines(source), BODY_RADIUS_M, told.pixel_m), image
+        walked_grid(_lines(source), BODY_RADIUS_M, context.pixel_m), image
     )
     file.write_text(text, encoding="utf-8")
     picture.write_bytes(content)
 
 
-def _parquet(source: Path, out: Path, told: ExportContext) -> None:
+def _parquet(source: Path, out: Path, context: ExportContext) -> None:
     map_exports.write_parquet(out, map_of(source))
 
 
@@ -160,14 +160,14 @@ def _lines(source: Path) -> list[F64]:
     return [line for _, line in map_exports.walk_lines(map_of(source))]
 
 
-def _origin(told: ExportContext) -> Origin:
-    if told.origin is None:
+def _origin(context: ExportContext) -> Origin:
+    if context.origin is None:
         raise ParameterError(
             "origin: a map does not know where on the Earth it lies; give "
             "LAT,LON[,BEARING_DEG] of its origin and x axis, such as 47.3769,8.5417,90",
             argument="origin",
         )
-    return told.origin
+    return context.origin
 
 
 def _coverage(source: Path) -> list[tuple[F64, map_exports.Feature]]:

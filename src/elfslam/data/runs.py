@@ -11,20 +11,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from elfslam.base import values
 from elfslam.base.arrays import F32
 from elfslam.base.enums import Modality
 from elfslam.base.errors import InputError, StoreError
-from elfslam.base.values import (
-    AnySimilarity,
-    Closures,
-    Echoes,
-    Features,
-    MeanSimilarity,
-    Odometry,
-    Run,
-    Similarity,
-    Trajectory,
-)
 from elfslam.data import map_files
 from elfslam.data.atomic_files import new_folder, sha256_of
 from elfslam.data.named_places import read_checkpoints, read_points, write_checkpoints, write_points
@@ -49,7 +39,7 @@ SAMPLES = ("samples", "peak")
 
 
 def write_run(
-    run: Run,
+    run: values.Run,
     folder: Path,
     *,
     facts: Mapping[str, object],
@@ -65,7 +55,9 @@ def write_run(
         fill_run(run, partial, facts=facts, encoder=encoder)
 
 
-def fill_run(run: Run, folder: Path, *, facts: Mapping[str, object], encoder: bytes | None) -> None:
+def fill_run(
+    run: values.Run, folder: Path, *, facts: Mapping[str, object], encoder: bytes | None
+) -> None:
     """The files of a run in a folder that is there.
 
     `facts` go into run.json beside the run's name, `encoder` (an ONNX file) into encoder.onnx.
@@ -86,7 +78,7 @@ def fill_run(run: Run, folder: Path, *, facts: Mapping[str, object], encoder: by
         (folder / map_files.ENCODER).write_bytes(encoder)
 
 
-def read_run(folder: Path) -> Run:
+def read_run(folder: Path) -> values.Run:
     """The run in a folder. Raises StoreError where it is missing, cut off or damaged."""
     try:
         return _read_run(folder)
@@ -108,23 +100,23 @@ def digest_of(path: Path) -> str:
     return total.hexdigest()
 
 
-def _read_run(folder: Path) -> Run:
+def _read_run(folder: Path) -> values.Run:
     facts, timings = map_files.read_facts(folder), map_files.read_object(folder / TIMINGS)
     spread = read_npz(folder / "uncertainty.npz", UNCERTAINTY)
     trajectory_t_s, trajectory_poses = read_tum(folder / "trajectory.tum")
     closures = _read_closures(folder / "closures.csv", spread["closure_covariance"])
     if (np.concatenate([closures.i, closures.j, [0]]) >= len(trajectory_t_s)).any():
         raise InputError(f"closures.csv: names more than {len(trajectory_t_s)} footsteps")
-    return Run(
+    return values.Run(
         name=str(facts.get("name", folder.name)),
-        odometry=Odometry(
+        odometry=values.Odometry(
             *read_tum(folder / "odometry.tum"),
             spread["step_sigma"],
             *spread["walk_sigma"].astype(float).tolist(),
         ),
         similarity=_read_similarity(folder / SIMILARITY),
         closures=closures,
-        trajectory=Trajectory(
+        trajectory=values.Trajectory(
             trajectory_t_s,
             trajectory_poses,
             spread["trajectory_covariance"],
@@ -145,7 +137,7 @@ def _write_json(file: Path, content: Mapping[str, object]) -> None:
     file.write_text(text + "\n", encoding="utf-8")
 
 
-def _write_closures(run: Run, file: Path) -> None:
+def _write_closures(run: values.Run, file: Path) -> None:
     closures, t_s = run.closures, run.odometry.t_s
     columns = (closures.i, closures.j, t_s[closures.i], t_s[closures.j], closures.score)
     weights = run.trajectory.closure_weights
@@ -155,15 +147,15 @@ def _write_closures(run: Run, file: Path) -> None:
     np.savetxt(file, table, fmt=formats, delimiter=",", header=header, comments="")
 
 
-def _read_closures(file: Path, covariance: npt.NDArray[Any]) -> Closures:
+def _read_closures(file: Path, covariance: npt.NDArray[Any]) -> values.Closures:
     columns = ("i", "j", "score", "x_m", "y_m", "heading_rad")
     empty = len(read_lines(file)) == 1
     table = np.empty((0, len(columns))) if empty else read_table(file, columns)
     i, j = table[:, :2].astype(np.int64).T
-    return Closures(i, j, table[:, 2], table[:, 3:], covariance)
+    return values.Closures(i, j, table[:, 2], table[:, 3:], covariance)
 
 
-def _write_evidence(run: Run, folder: Path) -> None:
+def _write_evidence(run: values.Run, folder: Path) -> None:
     spread = (
         run.odometry.step_sigma,
         [run.odometry.scale_sigma, run.odometry.heading_drift_sigma_radps],
@@ -182,20 +174,20 @@ def _write_evidence(run: Run, folder: Path) -> None:
         write_npz(folder / "features.npz", {**kept, "encoder": encoder})
 
 
-def _similarity_arrays(similarity: AnySimilarity) -> dict[str, npt.ArrayLike]:
-    if isinstance(similarity, MeanSimilarity):
+def _similarity_arrays(similarity: values.AnySimilarity) -> dict[str, npt.ArrayLike]:
+    if isinstance(similarity, values.MeanSimilarity):
         return {"means": similarity.means, "kind": similarity.kind}
     return {"scores": similarity.scores.astype(np.float16), "kind": similarity.kind}
 
 
-def _read_similarity(file: Path) -> AnySimilarity:
+def _read_similarity(file: Path) -> values.AnySimilarity:
     arrays = read_npz(file, ["kind"])
     if "means" in arrays:
-        return MeanSimilarity(arrays["means"], str(arrays["kind"]))
-    return Similarity(read_npz(file, ["scores"])["scores"], str(arrays["kind"]))
+        return values.MeanSimilarity(arrays["means"], str(arrays["kind"]))
+    return values.Similarity(read_npz(file, ["scores"])["scores"], str(arrays["kind"]))
 
 
-def _write_echoes(echoes: Echoes, file: Path) -> None:
+def _write_echoes(echoes: values.Echoes, file: Path) -> None:
     """Each trace as float16 of its own peak: half the size, noise 66 dB below the sound."""
     peak = np.max(np.abs(echoes.samples), axis=1, initial=0)
     scaled = echoes.samples / np.where(peak > 0, peak, 1)[:, None]
@@ -204,17 +196,17 @@ def _write_echoes(echoes: Echoes, file: Path) -> None:
     write_npz(file, {**arrays, **kept})
 
 
-def _read_echoes(file: Path) -> Echoes | None:
+def _read_echoes(file: Path) -> values.Echoes | None:
     if not file.is_file():
         return None
     arrays = read_npz(file, [*SAMPLES, "t_s", "losses_s"])
     samples: F32 = arrays["samples"].astype(np.float32) * arrays["peak"][:, None]
-    return Echoes(arrays["t_s"], samples, arrays["losses_s"])
+    return values.Echoes(arrays["t_s"], samples, arrays["losses_s"])
 
 
-def _read_features(file: Path) -> Features | None:
+def _read_features(file: Path) -> values.Features | None:
     if not file.is_file():
         return None
     arrays = read_npz(file, ["t_s", "vectors", "encoder"])
     encoder = map_files.encoder_of(Modality.ELF, str(arrays["encoder"]))
-    return Features(arrays["t_s"], arrays["vectors"], encoder)
+    return values.Features(arrays["t_s"], arrays["vectors"], encoder)

@@ -9,7 +9,7 @@ A stretch: n and the order of its spots (n) as uint32; float16 features (n, 128)
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,42 +76,9 @@ def stretches_of(floor_map: FloorMap) -> list[Stretch]:
     ]
 
 
-def map_of_parts(
-    tiles: Sequence[bytes],
-    stretches: Sequence[tuple[int, bytes]],
-    *,
-    encoder: str,
-    sources: tuple[str, ...],
-) -> FloorMap:
-    """The map that a phone holds: its spots tile after tile; `stretches` with their walks.
-
-    `encoder` is the identity of what made the features. Raises InputError for a part that is cut
-    off, and where features are missing.
-    """
-    parts = [_tile(content) for content in tiles]
-    walk, order = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
-    place, heading, flat, weight = np.split(
-        np.concatenate([part[2] for part in parts]).astype(np.float64),
-        np.cumsum(COLUMNS)[:-1],
-        axis=1,
-    )
-    elfs = Payload("elf", encoder, _features(stretches, _keys(walk, order)))
-    return FloorMap(
-        xy_m=place,
-        heading_rad=heading[:, 0],
-        walk=walk.astype(np.int64),
-        order=order.astype(np.int64),
-        covariance_m2=flat[:, [0, 1, 1, 2]].reshape(-1, 2, 2),
-        payloads=(elfs,),
-        parameters_digest="",
-        sources=sources,
-        weight=weight[:, 0],
-    )
-
-
 def features_of(stretch: bytes) -> F32:
     """The features (n, 128) of a stretch. Raises InputError for one that is cut off."""
-    count = _count(stretch, WHOLE.itemsize + ELF_SIZE * VECTORS.itemsize)
+    count = spots_in(stretch, WHOLE.itemsize + ELF_SIZE * VECTORS.itemsize)
     halves = np.frombuffer(stretch, VECTORS, offset=(1 + count) * WHOLE.itemsize)
     return np.asarray(halves.reshape(count, ELF_SIZE).astype(np.float32))
 
@@ -133,11 +100,12 @@ def _elfs(floor_map: FloorMap) -> Payload:
 
 def _orders(floor_map: FloorMap) -> I64:
     """The order of spots along their walks, or, where that does not tell them apart, their row."""
-    unique = len(np.unique(_keys(floor_map.walk, floor_map.order))) == len(floor_map.walk)
+    unique = len(np.unique(keys_of(floor_map.walk, floor_map.order))) == len(floor_map.walk)
     return floor_map.order if unique else np.arange(len(floor_map.walk))
 
 
-def _keys(walk: I64, order: I64) -> I64:
+def keys_of(walk: I64, order: I64) -> I64:
+    """One number for each walk and order along it."""
     return np.asarray((walk.astype(np.int64) << 32) + order, dtype=np.int64)
 
 
@@ -152,32 +120,7 @@ def _whole(count: int, *columns: I64) -> bytes:
     return np.concatenate([[count], *columns]).astype(WHOLE).tobytes()
 
 
-def _tile(content: bytes) -> tuple[I64, I64, F32]:
-    count = _count(content, 2 * WHOLE.itemsize + sum(COLUMNS) * NUMBERS.itemsize)
-    walk, order = np.frombuffer(content, WHOLE, 2 * count, WHOLE.itemsize).reshape(2, count)
-    flat = np.frombuffer(content, NUMBERS, offset=(1 + 2 * count) * WHOLE.itemsize)
-    ends = np.cumsum(np.multiply(COLUMNS, count))[:-1]
-    blocks = zip(np.split(flat, ends), COLUMNS, strict=True)
-    numbers = np.hstack([block.reshape(count, width) for block, width in blocks])
-    return walk.astype(np.int64), order.astype(np.int64), numbers
-
-
-def _features(stretches: Sequence[tuple[int, bytes]], wanted: I64) -> F32:
-    keys, vectors = [np.empty(0, dtype=np.int64)], [np.empty((0, ELF_SIZE), dtype=np.float32)]
-    for walk, content in stretches:
-        count = _count(content, WHOLE.itemsize + ELF_SIZE * VECTORS.itemsize)
-        order = np.frombuffer(content, WHOLE, count, WHOLE.itemsize).astype(np.int64)
-        keys.append(_keys(np.full(count, walk), order))
-        vectors.append(features_of(content))
-    known = np.concatenate(keys)
-    sort = np.argsort(known)
-    found = np.searchsorted(known[sort], wanted)
-    if (found == len(known)).any() or (known[sort][found] != wanted).any():
-        raise InputError("map: spots of its tiles have no features; fetch it again")
-    return np.asarray(np.concatenate(vectors)[sort[found]])
-
-
-def _count(content: bytes, spot_bytes: int) -> int:
+def spots_in(content: bytes, spot_bytes: int) -> int:
     """How many spots a part has, if it is as long as they are. Raises InputError."""
     start = content[: WHOLE.itemsize]
     count = int(np.frombuffer(start.ljust(WHOLE.itemsize, b"\xff"), WHOLE)[0])

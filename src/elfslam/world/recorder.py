@@ -13,6 +13,7 @@ from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Audio, Chirp
 from elfslam.stages.chirp import ChirpParameters, make_chirp
+from elfslam.world import phone
 from elfslam.world.circumstances import (
     SOUNDS,
     Circumstances,
@@ -26,16 +27,6 @@ from elfslam.world.circumstances import (
 from elfslam.world.device import BAND_BINS, Device
 from elfslam.world.interference import record, rumble
 from elfslam.world.paths import Reach
-from elfslam.world.phone import (
-    FRAME_S,
-    Engine,
-    Poses,
-    Transducers,
-    ends_of,
-    phone_axes,
-    render_frames,
-    room_responses,
-)
 from elfslam.world.pulses import BASEBAND_HZ, C64, Air
 from elfslam.world.scene import Scene, scene_of
 from elfslam.world.transducers import controlled
@@ -58,7 +49,7 @@ class Stage:
     air: Air
     device: Device
     chirp: Chirp
-    engine: Engine
+    engine: phone.Engine
     reach: Reach
 
 
@@ -88,7 +79,7 @@ def record_walk(
     """
     stage = stage_of(world, circumstances, rate_hz, os.cpu_count() or 1)
     latency = round(generator.uniform(*LATENCY_S) * rate_hz)
-    total, frame = int(motion.t_s[-1] * rate_hz), round(FRAME_S * rate_hz)
+    total, frame = int(motion.t_s[-1] * rate_hz), round(phone.FRAME_S * rate_hz)
     starts = _within_periods(np.arange(latency, total - frame, frame), circumstances, rate_hz, seed)
     stream = np.zeros(total, dtype=np.float32)
     poses = phone_poses(walker, motion, world, circumstances.people, seed, starts / rate_hz)
@@ -100,11 +91,11 @@ def record_walk(
     for first in range(0, len(starts), BLOCK):
         rows = slice(first, first + BLOCK)
         block = _rows(poses, rows)
-        heard = room_responses(
+        heard = phone.room_responses(
             stage.scene, stage.device, block, stage.air, stage.reach, stage.engine
         )
         heard = port_occlusion(heard, covered_db[rows])
-        sound = render_frames(heard, stage.chirp, stage.device, jitter_s[rows])
+        sound = phone.render_frames(heard, stage.chirp, stage.device, jitter_s[rows])
         _lay_down(stream, starts[rows], louder(sound, gain_db[rows]))
         progress(min((first + BLOCK) / len(starts), 1.0))
     for k in range(circumstances.other_phones):
@@ -145,14 +136,14 @@ def _lay_down(stream: F32, starts: I64, sounds: F32) -> None:
 
 def phone_poses(
     walker: Walker, motion: Motion, world: World, people: int, seed: int, t_s: F64
-) -> Poses:
+) -> phone.Poses:
     """The phone at each of the times, and who else is about."""
     at = _samples_at(motion, t_s)
     velocity = np.gradient(motion.position_m, 1 / KINEMATICS_RATE_HZ, axis=0)[at]
-    axes = phone_axes(motion.yaw_rad[at], motion.pitch_rad[at], motion.roll_rad[at])
+    axes = phone.phone_axes(motion.yaw_rad[at], motion.pitch_rad[at], motion.roll_rad[at])
     position = motion.position_m[at]
     others = whereabouts(world, people, seed, t_s, position[:, :2])
-    return Poses(position, axes, velocity, np.full(len(at), walker.body_distance_m), others)
+    return phone.Poses(position, axes, velocity, np.full(len(at), walker.body_distance_m), others)
 
 
 def covered_at(motion: Motion, t_s: F64) -> F64:
@@ -166,8 +157,8 @@ def _samples_at(motion: Motion, t_s: F64) -> I64:
     return np.asarray(np.minimum((t_s * KINEMATICS_RATE_HZ).astype(int), len(motion.t_s) - 1))
 
 
-def _rows(poses: Poses, rows: slice | I64) -> Poses:
-    return Poses(
+def _rows(poses: phone.Poses, rows: slice | I64) -> phone.Poses:
+    return phone.Poses(
         poses.position_m[rows], poses.world_from_phone[rows], poses.velocity_mps[rows],
         poses.body_distance_m[rows], poses.people_m[rows],
     )  # fmt: skip
@@ -177,12 +168,12 @@ def _add_other_phone(
     stream: F32,
     stage: Stage,
     world: World,
-    poses: Poses,
+    poses: phone.Poses,
     starts: I64,
     generator: np.random.Generator,
 ) -> None:
     """Adds what is heard of somebody who stands in the room and chirps by a clock of their own."""
-    frame = round(FRAME_S * stage.chirp.rate_hz)
+    frame = round(phone.FRAME_S * stage.chirp.rate_hz)
     speaker = np.append(_standing_place(world, generator), OTHER_HEIGHT_M)
     offset = int(generator.integers(frame))
     drift = 1 + generator.normal(0, OTHER_CLOCK_PPM) * 1e-6
@@ -191,15 +182,15 @@ def _add_other_phone(
         own = _rows(poses, rows)
         ends = _between(stage.device, own, speaker)
         heard = stage.engine(stage.scene, ends, own.people_m, stage.air, stage.reach)
-        sounds = render_frames(heard, stage.chirp, stage.device)
+        sounds = phone.render_frames(heard, stage.chirp, stage.device)
         for row, sound in zip(rows, sounds, strict=True):
             begin = int(starts[0] + offset + row * frame * drift)
             stream[begin : begin + frame] += sound[: max(len(stream) - begin, 0)]
 
 
-def _between(device: Device, poses: Poses, speaker_m: F64) -> Transducers:
+def _between(device: Device, poses: phone.Poses, speaker_m: F64) -> phone.Transducers:
     """The other phone's speaker, which sounds alike in all directions, and our microphone."""
-    ends, count = ends_of(device, poses), len(poses.position_m)
+    ends, count = phone.ends_of(device, poses), len(poses.position_m)
     return ends._replace(
         speaker=np.tile(speaker_m, (count, 1)),
         speaker_directivity=0.0,

@@ -19,7 +19,6 @@ from starlette.testclient import TestClient
 
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.values import FloorMap
-from elfslam.data.tiles import map_of_parts
 from elfslam.serve.buildings import files as store
 from elfslam.serve.buildings import publishing
 from elfslam.serve.buildings.files import open_files
@@ -28,6 +27,7 @@ from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.database import reading
 from elfslam.serve.store.tables import Building, Floor, FloorPart, FloorPoint
+from tests.data.phone_maps import map_of_parts
 
 MakeFloor = Callable[..., NewFloor]
 STORES = pytest.mark.parametrize(

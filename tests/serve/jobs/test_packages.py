@@ -23,11 +23,12 @@ from starlette.testclient import TestClient
 from elfslam.base.parameters import as_dict
 from elfslam.base.values import FloorMap
 from elfslam.data.map_files import read_map
-from elfslam.data.tiles import map_of_parts, stretches_of, tiles_of
+from elfslam.data.tiles import stretches_of, tiles_of
 from elfslam.serve.services import Services
 from elfslam.serve.store.database import transaction
 from elfslam.serve.store.tables import Map, MapFile, MapPart, new_id
 from elfslam.slam.parameters import Parameters
+from tests.data.phone_maps import map_of_parts
 
 Json = dict[str, Any]
 Keep = Callable[[TestClient, str], str]

@@ -11,7 +11,8 @@ import numpy as np
 from starlette.testclient import TestClient
 
 from elfslam.base.values import FloorMap
-from elfslam.data.tiles import map_of_parts, stretches_of, tiles_of
+from elfslam.data.tiles import stretches_of, tiles_of
+from tests.data.phone_maps import map_of_parts
 from tests.in_node import needs_node, passed_in_node
 
 HERE = Path(__file__).parent
