@@ -8,7 +8,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.values import Trajectory, Truth
-from elfslam.scoring.alignment import Alignment, SimilarityTransform, match, place, placement
+from elfslam.scoring.errors import Alignment, SimilarityTransform, match, place, placement
 
 
 @dataclass(frozen=True)

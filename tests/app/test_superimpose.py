@@ -25,7 +25,7 @@ from elfslam.scoring.truth import read_truth
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.stages.feature import OnnxEncoder, load_encoder
-from elfslam.stages.superimposition import SpotEchoes
+from elfslam.stages.floormap import SpotEchoes
 from elfslam.world.simulate import load_world, simulate
 
 DOOR = (PointOfInterest("Door", PointKind.DOOR, 1.0, 2.0),)

@@ -13,7 +13,7 @@ from elfslam.base.values import Run
 from elfslam.data.map_files import read_map
 from elfslam.data.merged_maps import QUALITY_COLUMNS, fill_merged, is_merged, write_quality
 from elfslam.data.tum import read_tum
-from elfslam.stages.quality import MapQuality
+from elfslam.stages.floormap import MapQuality
 
 QUALITY = MapQuality(
     xy_m=[[0.5, 0.5], [1.5, 0.5]],

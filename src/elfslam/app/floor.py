@@ -31,9 +31,8 @@ from elfslam.data.atomic_files import new_folder, refuse_occupied
 from elfslam.data.facts import read_object
 from elfslam.data.merged_maps import MERGED, fill_merged, is_merged
 from elfslam.data.recordings import read_recording
-from elfslam.stages.carried_points import gathered
-from elfslam.stages.checkpoints import CheckpointParameters, places_visited
-from elfslam.stages.quality import map_quality
+from elfslam.stages.checkpoints import CheckpointParameters, gathered, places_visited
+from elfslam.stages.floormap import map_quality
 
 NORTH = "magnetic_north_rad"
 SENSES = (Modality.WIFI, Modality.MAGNETIC)

@@ -20,9 +20,9 @@ from elfslam.data.points_of_interest_files import read_points
 from elfslam.data.runs import read_run
 from elfslam.scoring.merged_report import write_merged_report
 from elfslam.slam.merging import MappedWalk, MergeParameters, add_walk, lay_walk, merge, walk_of
-from elfslam.stages.carried_points import carried, gathered
+from elfslam.stages.checkpoints import carried, gathered
+from elfslam.stages.floormap import map_quality
 from elfslam.stages.map_alignment import Registration
-from elfslam.stages.quality import map_quality
 
 
 @dataclass(frozen=True, eq=False)

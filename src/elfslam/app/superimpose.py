@@ -23,15 +23,15 @@ from elfslam.data.points_of_interest_files import read_points
 from elfslam.data.runs import read_run
 from elfslam.learn.parameters import FloorLevelParameters
 from elfslam.stages.feature import Encoder, OnnxEncoder
-from elfslam.stages.locate import elf_payload
-from elfslam.stages.quality import map_quality
-from elfslam.stages.superimposition import (
+from elfslam.stages.floormap import (
     SpotEchoes,
     floor_spots,
+    map_quality,
     nearest_covariance,
     superimposed,
     superimposed_map,
 )
+from elfslam.stages.locate import elf_payload
 
 
 def superimpose_into(

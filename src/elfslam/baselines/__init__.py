@@ -1,1 +1,1 @@
-"""Floor 3: rivals on the same line: other sensors and other features."""
+"""Floor 3: other sensors and other features through the same stages."""

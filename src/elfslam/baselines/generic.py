@@ -1,7 +1,7 @@
 """Generic features: what an echo is compared by when nothing was learned about places.
 
-The paper's rivals of the ELF (its section 4): the raw trace, its power spectral density, its
-spectrogram, and principal components of the spectrogram. Each is an `Encoder` of the line.
+Baselines of the ELF in the paper, section 4: the raw trace, its power spectral density, its
+spectrogram, and principal components of the spectrogram. Each is an `Encoder` of the pipeline.
 """
 
 from __future__ import annotations

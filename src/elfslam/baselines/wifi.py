@@ -1,6 +1,6 @@
 """Wi-Fi similarity: which access points are heard along the walk, and how strongly.
 
-The paper's rival takes the scan nearest in time and compares the signal strengths by their
+The paper's baseline takes the scan nearest in time and compares the signal strengths by their
 Euclidean distance. The tuned one takes every entry for what it is: an access point heard once, at
 the time of the scan less the entry's age. Strengths are averaged over the footsteps around, so
 that old entries neither repeat themselves nor count where they were not heard, and are compared by

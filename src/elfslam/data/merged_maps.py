@@ -15,7 +15,7 @@ from elfslam.data.facts import ENCODER, read_object
 from elfslam.data.map_files import MAP, write_map
 from elfslam.data.points_of_interest_files import write_points
 from elfslam.data.tum import read_tum, write_tum
-from elfslam.stages.quality import MapQuality
+from elfslam.stages.floormap import MapQuality
 
 MERGED = "merge.json"
 QUALITY = "quality.csv"

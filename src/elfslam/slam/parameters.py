@@ -1,4 +1,4 @@
-"""The parameters of the line, all of them."""
+"""The parameters of the pipeline, all of them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from elfslam.stages.track import TrackParameters
 
 @dataclass(frozen=True)
 class Parameters:
-    """Every parameter of the line, one group per stage."""
+    """Every parameter of the pipeline, one group per stage."""
 
     chirp: ChirpParameters = field(default_factory=ChirpParameters)
     echo: EchoParameters = field(default_factory=EchoParameters)

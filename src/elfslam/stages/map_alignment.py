@@ -14,15 +14,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from elfslam.base.arrays import F32, F64, I64, Bool, Value, array
+from elfslam.base.arrays import C128, F32, F64, I64, Bool, Value, array
 from elfslam.base.geometry import compose, inverse, wrap_angle
 from elfslam.base.parameters import parameter
 from elfslam.base.values import Closures
 
-C128 = npt.NDArray[np.complex128]
 AHEAD_M = 1.0
 """A pose counts as two points, itself and one this far ahead: so that headings have a say."""
 REACH_M = (2.0, 1.5, 1.0, 0.8, 0.8, 0.8)
@@ -60,10 +58,10 @@ class AlignmentParameters:
     )
     rival_m: float = parameter(1.5, "m", "a placement this far off is another one", 0.1, 100.0)
     least_lead: float = parameter(
-        2.5, "sigma", "by how much the best must beat every rival, place by place", 0, 100
+        2.5, "sigma", "by how much the best must beat any competing one, place by place", 0, 100
     )
     rival_share: float = parameter(
-        0.5, "", "with less than this share of the best's evidence it is no rival", 0.0, 1.0
+        0.5, "", "with less than this share of the best's evidence it does not compete", 0.0, 1.0
     )
 
 
@@ -87,7 +85,7 @@ class Registration(Value):
     """The best placement, the evidence for it, and why it is not believed ("" where it is).
 
     `evidence` sums the resemblance over footsteps, `lead` is in standard errors (infinite without
-    a rival).
+    a competing one).
     """
 
     one_from_other: F64 = array(3)
@@ -120,13 +118,13 @@ def align(meeting: WalkPair, usual: float, parameters: AlignmentParameters) -> R
     places = len(np.unique(_places(best, meeting)[known]))
     resemblance = float(best.found[known].mean() / usual)
     distinct_m = parameters.rival_m + 2 * meeting.sigma_m
-    rivals = [
+    competing = [
         each
         for each in ranked[1:]
         if each.evidence >= parameters.rival_share * best.evidence
         and _apart_m(each.placement, best.placement, meeting) > distinct_m
     ]
-    leads = [_lead(best, rival, meeting) for rival in rivals]
+    leads = [_lead(best, other, meeting) for other in competing]
     lead = min(leads, default=np.inf)
     refusal = ""
     if places < parameters.least_places:
@@ -136,8 +134,8 @@ def align(meeting: WalkPair, usual: float, parameters: AlignmentParameters) -> R
     elif best.evidence < parameters.least_evidence:
         refusal = f"{places} m2 in common resemble it too little"
     elif lead < parameters.least_lead:
-        rival = rivals[int(np.argmin(leads))]
-        apart_m = _apart_m(rival.placement, best.placement, meeting)
+        other = competing[int(np.argmin(leads))]
+        apart_m = _apart_m(other.placement, best.placement, meeting)
         refusal = f"a placement {apart_m:.1f} m off fits nearly as well"
     return Registration(best.placement, places, resemblance, lead, best.evidence, refusal)
 
@@ -247,17 +245,17 @@ def _places(judged: ScoredPlacement, meeting: WalkPair) -> I64:
     return np.asarray(np.unique(cells, axis=0, return_inverse=True)[1]).reshape(-1)
 
 
-def _lead(best: ScoredPlacement, rival: ScoredPlacement, meeting: WalkPair) -> float:
-    """How surely the best beats a rival: its mean lead per place, in standard errors.
+def _lead(best: ScoredPlacement, other: ScoredPlacement, meeting: WalkPair) -> float:
+    """How surely the best beats a competing one: its mean lead per place, in standard errors.
 
     Nothing is sure where they share hardly any ground.
     """
-    both: Bool = np.isfinite(best.found) & np.isfinite(rival.found)
+    both: Bool = np.isfinite(best.found) & np.isfinite(other.found)
     place = _places(best, meeting)[both]
     count = np.bincount(place)
     if (count > 0).sum() < FEWEST_PLACES:
         return 0.0
-    sums = np.bincount(place, (best.found - rival.found)[both])
+    sums = np.bincount(place, (best.found - other.found)[both])
     lead = sums[count > 0] / count[count > 0]
     error = lead.std(ddof=1) / np.sqrt(len(lead))
     return float(lead.mean() / max(error, 1e-9))

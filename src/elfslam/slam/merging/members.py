@@ -25,15 +25,20 @@ from elfslam.base.values import (
     Trajectory,
 )
 from elfslam.slam.parameters import Parameters
-from elfslam.stages.closure import AGAIN, closures_between, joined, sequence_mean
+from elfslam.stages.closure import (
+    AGAIN,
+    closures_between,
+    echo_sequence_similarity,
+    joined,
+    sequence_mean,
+)
+from elfslam.stages.floormap import QualityParameters
 from elfslam.stages.map_alignment import (
     AlignmentParameters,
     WalkPair,
     resemblances,
     usual_resemblance,
 )
-from elfslam.stages.quality import QualityParameters
-from elfslam.stages.similarity import echo_sequence_similarity
 
 
 @dataclass(frozen=True)
@@ -57,13 +62,13 @@ class MergingParameters:
     forget_below: float = parameter(0.1, "", "spots with less weight leave the map", 0.0, 1.0)
     passes: int = parameter(2, "", "times that a newer walk must find a place changed", 1, 100)
     changed_below: float = parameter(
-        0.65, "", "likeness to the map, against other places, that is a change", 0.0, 2.0
+        0.65, "", "similarity to the map, against other places, that is a change", 0.0, 2.0
     )
 
 
 @dataclass(frozen=True)
 class MergeParameters(Parameters):
-    """Those of the line, and those of merging."""
+    """Those of the pipeline, and those of merging."""
 
     alignment: AlignmentParameters = field(default_factory=AlignmentParameters)
     merging: MergingParameters = field(default_factory=MergingParameters)
@@ -150,7 +155,7 @@ def meeting_of(
     )
 
 
-def likeness_to(ones: Sequence[Side], other: Side, parameters: MergeParameters) -> float:
+def similarity_to(ones: Sequence[Side], other: Side, parameters: MergeParameters) -> float:
     """How much a walk resembles others of its frame on common ground, relative to the usual.
 
     Zero without common ground.

@@ -1,4 +1,4 @@
-"""Footsteps while the walk goes on: the line's own stages over a window that slides along.
+"""Footsteps while the walk goes on: the pipeline's own stages over a window that slides along.
 
 A footstep is final, and given out once, as soon as the walk has gone on for `live_delay_s` beyond
 it. What left the window is remembered: the last footsteps, how far the phone had turned, and its
