@@ -342,7 +342,7 @@ class Verdict:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory(Value):
-    """The straightened walk: a pose and a covariance per footstep.
+    """The corrected walk: a pose and a covariance per footstep.
 
     `closure_weights` says how far the back end trusted each closure (0 rejected, 1 kept).
     `status` is OK, or NO_CLOSURES where nothing corrected the dead reckoning. The `verdict` comes

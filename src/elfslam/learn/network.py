@@ -63,7 +63,7 @@ class Residual(nn.Module):
 class Components(nn.Linear):
     """An ELF beside its root spectrogram (n, 704) as unit rows (n, 128) of their components.
 
-    Fitted after the training: `elfslam.learn.network`.
+    Fitted after the training, by `with_components`.
     """
 
     def __init__(self) -> None:

@@ -21,10 +21,9 @@ def crop(recording: Recording, from_s: float, until_s: float) -> Recording:
     later has no declared start. When motion was measured in the whole stays known: it tells how
     much sound was lost. Raises InputError without motion in the stretch.
     """
-    imu, odometry = (
-        sensed and sensed.chosen((sensed.t_s >= from_s) & (sensed.t_s <= until_s))
-        for sensed in (recording.imu, recording.odometry)
-    )
+    imu, odometry = recording.imu, recording.odometry
+    imu = imu and imu.chosen((imu.t_s >= from_s) & (imu.t_s <= until_s))
+    odometry = odometry and odometry.chosen((odometry.t_s >= from_s) & (odometry.t_s <= until_s))
     t_s = motion_times_s(recording)
     if not any(each is not None and len(each.t_s) for each in (imu, odometry)):
         ran = "none" if t_s is None else f"that from {t_s[0]:.1f} to {t_s[-1]:.1f} s"

@@ -174,7 +174,7 @@ def _close_loops(
         features=None,
         points_of_interest=places_visited(named, trajectory, parameters.checkpoint),
         checkpoints=named,
-        compass_sigma_rad=compass and compass.sigma_rad,
+        compass_sigma_rad=None if compass is None else compass.sigma_rad,
     )
 
 

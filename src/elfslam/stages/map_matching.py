@@ -97,7 +97,7 @@ def follow_ground(
 ) -> Followed:
     """The walk of `nodes` from about `start` (3, with its covariance) over standing ground.
 
-    The moves are those between the nodes, each with its step's sigmas; straightened poses serve as
+    The moves are those between the nodes, each with its step's sigmas; corrected poses serve as
     well as reckoned ones. Everything in the frame of the plan.
     """
     gaps = gaps_of(ground, parameters.reach_m)
