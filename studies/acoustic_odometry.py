@@ -12,8 +12,7 @@ from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64
 from elfslam.base.geometry import path_length_m
 from elfslam.base.values import Chirp, Echoes, Features, Odometry, Truth
-from elfslam.scoring.alignment import match
-from elfslam.scoring.errors import Alignment, interval, position_errors
+from elfslam.scoring.errors import Alignment, interval, match, position_errors
 from elfslam.slam.front_end import dead_reckoning_nodes
 from elfslam.stages.acoustic_odometry import (
     AcousticOdometryParameters,
@@ -23,9 +22,8 @@ from elfslam.stages.acoustic_odometry import (
     with_prior,
 )
 from elfslam.stages.chirp import make_chirp
-from elfslam.stages.closure import find_closures
+from elfslam.stages.closure import echo_sequence_similarity, find_closures
 from elfslam.stages.graph import build_graph, optimise
-from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.kinds import PEOPLE, Kind
 from studies.cached import (
     SCENARIOS,

@@ -19,7 +19,7 @@ from elfslam.base.enums import Mode
 from elfslam.base.geometry import compose, interpolate_poses, inverse
 from elfslam.base.values import Audio, Fixes, FixStatus, Recording
 from elfslam.slam.front_end import dead_reckoning_nodes, extract_query_echoes
-from elfslam.slam.pipeline import footstep_likeness, locate_walk
+from elfslam.slam.pipeline import footstep_similarity, locate_walk
 from elfslam.stages.feature import extract_features
 from elfslam.stages.locate import trusted_one_shot
 from elfslam.stages.medium_access import MediumAccessParameters
@@ -190,7 +190,7 @@ def _located(
     echoes, suspicious = extract_query_echoes(recording, known)
     features = extract_features(echoes, shipped())
     nodes = dead_reckoning_nodes(recording, known)
-    scores = footstep_likeness(features, nodes, floor_map, known.locate)
+    scores = footstep_similarity(features, nodes, floor_map, known.locate)
     credulous = replace(known, track=replace(known.track, jump=3.0))
     found = []
     for settings, suspect in ((known, suspicious), (credulous, nothing_suspect)):

@@ -12,9 +12,14 @@ from elfslam.base.arrays import I64
 from elfslam.base.values import AnySimilarity, Closures, Odometry, Truth
 from elfslam.scoring.errors import Alignment, position_errors, score_closures, summarise
 from elfslam.slam.front_end import apply_acoustic_scale, dead_reckoning_nodes
-from elfslam.stages.closure import Drift, candidates, find_closures, within_gate
+from elfslam.stages.closure import (
+    Drift,
+    candidates,
+    echo_sequence_similarity,
+    find_closures,
+    within_gate,
+)
 from elfslam.stages.graph import build_graph, optimise
-from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.kinds import PEOPLE, Kind
 from studies.cached import (
     SimulatedWalk,

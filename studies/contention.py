@@ -14,7 +14,7 @@ from elfslam.base.values import DISCARDED_SAMPLES, ECHO_RATE_HZ, ECHO_SAMPLES, F
 from elfslam.scoring.errors import fix_distances
 from elfslam.stages.echo import EchoParameters, Frames, echoes_of, find_frames
 from elfslam.stages.feature import extract_features
-from elfslam.stages.locate import LocateParameters, elf_payload, fixes_of, likeness
+from elfslam.stages.locate import LocateParameters, elf_payload, fixes_of, spot_similarity
 from elfslam.stages.medium_access import MediumAccessParameters, spoiled_frames
 from elfslam.world.kinds import QUIET
 from elfslam.world.simulate import load_world
@@ -165,7 +165,7 @@ def _fixes(frames: Frames, dropped: Bool, mapped: Mapped) -> Fixes | None:
     payload = elf_payload(floor_map, features.encoder, features.vectors.shape[1])
     means = np.stack([features.vectors[rows].mean(axis=0) for rows in groups])
     t_s = np.array([echoes.t_s[rows].mean() for rows in groups])
-    return fixes_of(t_s, likeness(means.astype(np.float32), payload), floor_map, known)
+    return fixes_of(t_s, spot_similarity(means.astype(np.float32), payload), floor_map, known)
 
 
 def together(t_s: F64, parameters: LocateParameters) -> list[list[int]]:

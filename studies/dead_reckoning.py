@@ -16,9 +16,15 @@ from elfslam.base.errors import InputError
 from elfslam.base.geometry import compose, path_length_m, wrap_angle
 from elfslam.base.values import Announce, Imu, Magnetometer, Odometry, Truth
 from elfslam.data.mall import read_walk, walks_in
-from elfslam.scoring.alignment import Alignment, match, placement
 from elfslam.scoring.consistency import displacement_errors
-from elfslam.scoring.errors import end_error_share, interval, position_errors
+from elfslam.scoring.errors import (
+    Alignment,
+    end_error_share,
+    interval,
+    match,
+    placement,
+    position_errors,
+)
 from elfslam.stages.motion import (
     HardIron,
     MotionParameters,

@@ -18,9 +18,8 @@ from elfslam.baselines.generic import generic_encoders, principal_encoder
 from elfslam.learn.parameters import FinetuneParameters, ScratchParameters
 from elfslam.scoring.errors import interval
 from elfslam.slam.front_end import dead_reckoning_nodes
-from elfslam.stages.closure import ClosureParameters
+from elfslam.stages.closure import ClosureParameters, echo_sequence_similarity
 from elfslam.stages.feature import Encoder, load_encoder
-from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.echo_pairs import echo_pairs
 from elfslam.world.kinds import QUIET, SURVEYOR, Kind
 from elfslam.world.simulate import load_world

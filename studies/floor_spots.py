@@ -12,7 +12,7 @@ from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.values import Announce
 from elfslam.data.atomic_files import replaced_file
 from elfslam.stages.feature import Encoder, OnnxEncoder, load_encoder
-from elfslam.stages.superimposition import SpotEchoes
+from elfslam.stages.floormap import SpotEchoes
 from elfslam.world.phone import Poses, phone_axes
 from elfslam.world.world_file import load_world
 from studies.results import Record

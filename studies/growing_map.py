@@ -15,7 +15,7 @@ import numpy as np
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64
 from elfslam.base.values import Recording, Truth
-from elfslam.scoring.alignment import Alignment, match, place, placement
+from elfslam.scoring.errors import Alignment, match, place, placement
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.stages.feature import Encoder, SpectralEncoder, load_encoder
 from elfslam.world.simulate import load_world

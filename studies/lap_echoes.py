@@ -18,7 +18,6 @@ from elfslam.base.values import ECHO_RATE_HZ, ECHO_SAMPLES, Features
 from elfslam.stages.chirp import ChirpParameters
 from elfslam.stages.feature import Encoder, walk_vectors
 from elfslam.stages.floormap import FloorMapParameters, window_means
-from elfslam.stages.locate import means_between
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.echo_pairs import cut_frames
 from elfslam.world.kinds import Kind, kind_named
@@ -140,7 +139,7 @@ def footsteps_of(lap: Lap, encoder: Encoder) -> Places:
     features, period_s = _features(lap, encoder), ChirpParameters().period_s
     count = int((lap.t_s[-1] - lap.t_s[0]) / FOOTSTEP_S) + 1
     edges_s = lap.t_s[0] - period_s / 2 + FOOTSTEP_S * np.arange(count + 1)
-    means = means_between(features, edges_s, ECHOES)
+    means = features.means_between(edges_s, ECHOES)
     whole = np.isfinite(means).all(axis=1)
     middle_s = (edges_s[:-1] + edges_s[1:])[whole] / 2
     xy_m = np.column_stack([np.interp(middle_s, lap.t_s, lap.xy_m[:, k]) for k in range(2)])

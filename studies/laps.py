@@ -23,7 +23,7 @@ from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.geometry import wrap_angle
 from elfslam.base.values import Payload
 from elfslam.stages.feature import Encoder
-from elfslam.stages.locate import likeness
+from elfslam.stages.locate import spot_similarity
 from elfslam.world.kinds import PEOPLE, QUIET, Kind
 from studies.cached import SCENARIOS, record_of
 from studies.elf import ELSEWHERE_M, SAME_RAD
@@ -452,7 +452,7 @@ def _counts(likeness: F32) -> F64:
 
 
 def _alike(asked: Places, spots: Places) -> F32:
-    return likeness(asked.vectors, Payload("elf", "", spots.vectors))
+    return spot_similarity(asked.vectors, Payload("elf", "", spots.vectors))
 
 
 STUDY = Study(

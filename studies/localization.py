@@ -16,7 +16,7 @@ from elfslam.base.arrays import F32
 from elfslam.base.enums import Modality, Mode
 from elfslam.base.values import Fixes, FixStatus, FloorMap, Orientation, Recording, Run
 from elfslam.baselines.magnetic import level_by_gravity
-from elfslam.baselines.rival_maps import (
+from elfslam.baselines.maps import (
     MAGNETIC_LOCATE,
     MAGNETIC_SEGMENTS,
     WIFI_LOCATE,

@@ -11,7 +11,7 @@ import numpy as np
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, FloorMap, Odometry, Payload
-from elfslam.stages.locate import fixes_of, likeness
+from elfslam.stages.locate import fixes_of, spot_similarity
 from elfslam.stages.segments import locate_by_segments
 from elfslam.stages.track import Tracker
 from studies.cached import shipped
@@ -75,13 +75,13 @@ def _ways(floor_map: FloorMap) -> Iterator[tuple[str, Callable[[], object]]]:
     sound = generator.normal(size=(ECHOES, ECHO_SAMPLES)).astype(np.float32)
     nodes = _straight(known.segments.footsteps)
     same = np.tile(payload.vectors[len(payload.vectors) // 2], (len(nodes.t_s) - 1, 1))
-    scores = likeness(same, payload)
+    scores = spot_similarity(same, payload)
     live = Tracker(floor_map, known.track, generator)
     move, sigma = np.array([STEP_M, 0.0, 0.0]), np.array([0.2, 0.15, 0.01])
     live.step(move, sigma, scores[0])
 
     def heard() -> object:
-        return likeness(shipped().embed(sound).mean(axis=0, keepdims=True), payload)
+        return spot_similarity(shipped().embed(sound).mean(axis=0, keepdims=True), payload)
 
     def one_shot() -> object:
         heard()

@@ -23,10 +23,9 @@ from elfslam.base.values import (
     Trajectory,
     Truth,
 )
-from elfslam.scoring.alignment import Alignment, match, placement
-from elfslam.scoring.errors import fix_distances, summarise
+from elfslam.scoring.errors import Alignment, fix_distances, match, placement, summarise
 from elfslam.slam.front_end import dead_reckoning_nodes
-from elfslam.slam.pipeline import footstep_likeness, locate_walk, map_by_echoes
+from elfslam.slam.pipeline import footstep_similarity, locate_walk, map_by_echoes
 from elfslam.stages.locate import locate_one_shot
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.kinds import QUIET, Kind
@@ -122,7 +121,7 @@ def located_in(floor_map: FloorMap, other: Stranger, mode: Mode, settings: Setti
     """Where the stranger is in any map, by echoes."""
     if mode is Mode.ONE_SHOT:
         return locate_one_shot(other.features, floor_map, settings.locate)
-    scores: F32 = footstep_likeness(other.features, other.nodes, floor_map, settings.locate)
+    scores: F32 = footstep_similarity(other.features, other.nodes, floor_map, settings.locate)
     return locate_walk(other.nodes, scores, floor_map, settings, mode=mode)
 
 

@@ -22,8 +22,7 @@ from elfslam.baselines.magnetic import (
     magnetic_similarity,
 )
 from elfslam.data.magnetic import CAMERA_FROM_DEVICE, OdometryError, read_magnetic
-from elfslam.scoring.alignment import Alignment
-from elfslam.scoring.errors import interval, position_errors
+from elfslam.scoring.errors import Alignment, interval, position_errors
 from elfslam.stages.closure import ClosureParameters, find_closures
 from elfslam.stages.graph import GraphParameters, build_graph, optimise
 from elfslam.stages.motion import nodes_by_distance

@@ -27,21 +27,22 @@ from elfslam.base.values import (
     Truth,
 )
 from elfslam.learn.parameters import ScratchParameters
-from elfslam.scoring.alignment import (
+from elfslam.scoring.errors import (
     AS_DECLARED,
     Alignment,
     SimilarityTransform,
     match,
     place,
+    placed_errors,
     placement,
+    score_closures,
+    summarise,
 )
-from elfslam.scoring.errors import placed_errors, score_closures, summarise
 from elfslam.slam.front_end import apply_acoustic_scale, dead_reckoning_nodes
 from elfslam.slam.pipeline import closures_by
-from elfslam.stages.closure import ClosureParameters
+from elfslam.stages.closure import ClosureParameters, echo_sequence_similarity
 from elfslam.stages.graph import build_graph, optimise
 from elfslam.stages.motion import calibrated, calibrated_by_distance
-from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.kinds import PEOPLE, QUIET, Kind, kind_named
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world

@@ -14,7 +14,7 @@ from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import Announce, Echoes, Truth
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.stages.feature import Encoder, OnnxEncoder, load_encoder, walk_vectors
-from elfslam.stages.superimposition import SpotEchoes, floor_spots
+from elfslam.stages.floormap import SpotEchoes, floor_spots
 from elfslam.world.kinds import SURVEYOR, kind_named
 from elfslam.world.simulate import load_world
 from studies.cached import at_its_start, extract_echoes, record_of, shipped, simulate, simulated_in

@@ -36,11 +36,11 @@ from elfslam.data.recordings import read_recording
 from elfslam.learn.parameters import PretrainParameters, ScratchParameters
 from elfslam.scoring.truth import read_truth
 from elfslam.slam.front_end import dead_reckoning_nodes
+from elfslam.stages.closure import echo_sequence_similarity
 from elfslam.stages.feature import Encoder, OnnxEncoder
 from elfslam.stages.floormap import trajectory_map
 from elfslam.stages.graph import build_graph, optimise
 from elfslam.stages.segments import SegmentParameters
-from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.kinds import ASKING_PHONE, MAPPING_PHONE, SURVEYOR
 from elfslam.world.simulate import load_world

@@ -17,14 +17,14 @@ from elfslam.base.arrays import F32, F64
 from elfslam.base.enums import Modality
 from elfslam.base.values import ECHO_RATE_HZ, NO_CLOSURES, AnySimilarity, Closures
 from elfslam.baselines.generic import generic_encoders
-from elfslam.scoring.alignment import Alignment, match, place, placement
+from elfslam.scoring.errors import Alignment, match, place, placement
 from elfslam.slam.front_end import apply_acoustic_scale, dead_reckoning_nodes
 from elfslam.slam.pipeline import closures_by
 from elfslam.stages.chirp import ChirpParameters, make_chirp
+from elfslam.stages.closure import echo_sequence_similarity
 from elfslam.stages.echo.sound import matched_envelope
 from elfslam.stages.feature import spectrogram
 from elfslam.stages.graph import build_graph, optimise
-from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.kinds import SURVEYOR
 from elfslam.world.phone import render_frames, room_responses
 from elfslam.world.sensors import Sensor

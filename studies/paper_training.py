@@ -22,7 +22,8 @@ from elfslam.learn.loss import nt_xent
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.onnx_files import encoder_content, network_of
 from elfslam.learn.parameters import PretrainParameters, ScratchParameters
-from elfslam.learn.pretrain import TrainingProgress, pretrain
+from elfslam.learn.pretrain import pretrain
+from elfslam.learn.resumable import TrainingStep
 from elfslam.stages.feature import OnnxEncoder
 from elfslam.world.echo_pairs import POSITIVE_DISTANCE_M, at_one_time, echo_pairs
 
@@ -41,7 +42,7 @@ def pretrain_as_in_paper(file: Path, parameters: PretrainParameters, announce: A
     checkpoint = file.with_suffix(".checkpoint")
     pairs_of = partial(_pairs, pairs=parameters.pairs, rooms=parameters.rooms)
 
-    def report(progress: TrainingProgress) -> None:
+    def report(progress: TrainingStep) -> None:
         announce("pre-training", progress.step / parameters.steps)
 
     made = pretrain(pairs_of, parameters, seed=0, checkpoint=checkpoint, report=report)

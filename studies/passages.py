@@ -11,7 +11,7 @@ from elfslam.app.anchor import Start, follow
 from elfslam.base.arrays import F64
 from elfslam.base.geometry import between, compose, interpolate_poses
 from elfslam.base.values import Run
-from elfslam.scoring.alignment import AS_DECLARED
+from elfslam.scoring.errors import AS_DECLARED
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import Sense as Motion
 from elfslam.slam.pipeline import map_by, map_by_echoes, no_similarity

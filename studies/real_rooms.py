@@ -3,7 +3,7 @@
 Room impulse responses of Meta's R3VIVAL set (CC BY 4.0): twelve loudspeakers on a circle about
 the microphones, eight states of the walls' absorption in one room. The circle of 2 m is a test:
 nothing is trained or chosen by it. By that of 1.5 m it was chosen that the root spectrogram stands
-beside what the shipped encoder learnt (`elfslam.learn.components`).
+beside what the shipped encoder learnt (`elfslam.learn.network`).
 """
 
 from __future__ import annotations

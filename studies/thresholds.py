@@ -17,8 +17,8 @@ from elfslam.base.values import NO_CLOSURES, Closures, Odometry, Truth
 from elfslam.scoring.errors import score_closures
 from elfslam.slam.front_end import apply_acoustic_scale, dead_reckoning_nodes
 from elfslam.slam.pipeline import closures_by
+from elfslam.stages.closure import echo_sequence_similarity
 from elfslam.stages.graph import build_graph, optimise
-from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.kinds import PEOPLE, SURVEYOR, kind_named
 from studies.cached import (
     SCENARIOS,

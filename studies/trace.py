@@ -11,8 +11,8 @@ from elfslam.base.arrays import F32, F64
 from elfslam.base.values import Echoes, Odometry
 from elfslam.baselines.generic import GenericEncoder
 from elfslam.learn.parameters import ScratchParameters
+from elfslam.stages.closure import echo_sequence_similarity
 from elfslam.stages.feature import Encoder, spectrogram
-from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.phone import Poses, phone_axes
 from elfslam.world.world_file import World, load_world
 from studies.cached import extract_features

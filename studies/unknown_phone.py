@@ -16,7 +16,7 @@ from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import Features, FloorMap
 from elfslam.stages.device_adaptation import PhoneParameters, learn_phone, to_map_domain
 from elfslam.stages.feature import OnnxEncoder, load_encoder, walk_vectors
-from elfslam.stages.superimposition import SpotEchoes, floor_spots, superimposed_map
+from elfslam.stages.floormap import SpotEchoes, floor_spots, superimposed_map
 from elfslam.world.kinds import ASKING_PHONE, SURVEYOR, Kind, kind_named
 from elfslam.world.simulate import load_world
 from studies.cached import extract_echoes, record_of, simulate

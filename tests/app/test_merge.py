@@ -28,7 +28,7 @@ from elfslam.slam.merging import MergeParameters
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.stages.feature import OnnxEncoder, load_encoder
-from elfslam.stages.superimposition import SpotEchoes
+from elfslam.stages.floormap import SpotEchoes
 from elfslam.world.simulate import load_world, simulate
 
 KNOWN = MergeParameters()

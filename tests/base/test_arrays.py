@@ -167,6 +167,23 @@ def test_a_covariance_may_be_of_less_than_full_rank_up_to_rounding() -> None:
     assert walk(spread=spread).spread is not None
 
 
+def test_some_rows_are_chosen_of_what_has_as_many() -> None:
+    @dataclass(frozen=True, eq=False)
+    class Visits(Value):
+        t_s: F64 = array("n")
+        pose: F64 = array("n", 3)
+        gain: F64 = array("m")
+        name: str
+        facing: F64 | None = array("n", optional=True)
+
+    made = Visits(np.arange(4.0), np.arange(12.0).reshape(4, 3), np.zeros(5), "walk")
+    some = made.chosen(np.array([False, True, False, True]))
+    assert some.t_s.tolist() == [1, 3]
+    assert some.pose[:, 0].tolist() == [3, 9]
+    assert (len(some.gain), some.name, some.facing) == (5, "walk", None)
+    assert made.chosen(slice(1, None)).t_s.tolist() == [1, 2, 3]
+
+
 def test_optional_arrays_may_be_absent_and_others_may_not() -> None:
     assert walk().facing is None
     with pytest.raises(InputError, match=r"Walk.pose"):

@@ -34,8 +34,7 @@ CARD = Card("Encoder: hears\nLimits: many", PRETRAINING, (FINETUNING,), {"recall
 
 
 @pytest.mark.parametrize(
-    "card",
-    [CARD, Card("words"), Card("", PRETRAINING), Card("x", None, (FINETUNING, FINETUNING))],
+    "card", [CARD, Card("words"), Card("", PRETRAINING), Card("x", None, (FINETUNING, FINETUNING))]
 )
 def test_a_card_survives_its_file(card: Card) -> None:
     metadata = metadata_of(card)
@@ -89,10 +88,7 @@ def test_a_damaged_card_is_refused(damage: dict[str, str | None]) -> None:
 
 def test_a_person_reads_the_words_first_then_how_it_was_made() -> None:
     rows = list(card_rows(CARD))
-    assert rows[:2] == [
-        {"what": "Encoder", "value": "hears"},
-        {"what": "Limits", "value": "many"},
-    ]
+    assert rows[:2] == [{"what": "Encoder", "value": "hears"}, {"what": "Limits", "value": "many"}]
     shown = {row["what"]: row["value"] for row in rows}
     assert {name: shown[name] for name in asdict(PRETRAINING)} == asdict(PRETRAINING)
     assert shown["fine-tuning 1: parent"] == "0123"

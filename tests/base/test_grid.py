@@ -98,9 +98,7 @@ def rings(corners: int) -> st.SearchStrategy[F64]:
 
 
 @given(st.lists(st.lists(rings(9), min_size=1, max_size=3).map(tuple), min_size=1, max_size=3))
-def test_drawn_ground_is_what_each_middle_says_by_itself(
-    polygons: list[tuple[F64, ...]],
-) -> None:
+def test_drawn_ground_is_what_each_middle_says_by_itself(polygons: list[tuple[F64, ...]]) -> None:
     cell_m = 0.1
     for ground, blocked in ((polygons, []), (polygons[:1], polygons[1:])):
         grid = drawn_grid(ground, blocked, cell_m)

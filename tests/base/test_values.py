@@ -136,6 +136,24 @@ def test_an_odometry_has_one_sigma_less_than_nodes() -> None:
         values.Odometry(T_S, np.zeros((3, 3)), np.ones((3, 3)))
 
 
+def test_nodes_that_follow_each_other_keep_the_sigmas_between_them() -> None:
+    sigma = np.arange(6.0).reshape(2, 3) + 1
+    walk = values.Odometry(T_S, np.zeros((3, 3)), sigma, 0.1)
+    for rows in (slice(1, None), np.array([False, True, True]), np.array([1, 2])):
+        part = walk.chosen(rows)
+        assert part.t_s.tolist() == [1, 2]
+        assert part.step_sigma.tolist() == sigma[1:].tolist()
+        assert part.scale_sigma == 0.1
+
+
+def test_means_between_times_are_those_of_the_echoes_there() -> None:
+    heard = values.Features(np.array([0.1, 0.2, 0.7]), UNIT, "stub")
+    means = heard.means_between(np.array([0.0, 0.5, 1.0, 1.5]), fewest=1)
+    np.testing.assert_allclose(means[:2], [UNIT[:2].mean(axis=0), UNIT[2]])
+    assert np.isnan(means[2]).all()
+    assert np.isnan(heard.means_between(np.array([0.0, 0.5, 1.0]), fewest=2)[1]).all()
+
+
 def test_quaternions_and_features_must_be_unit_rows() -> None:
     with pytest.raises(InputError, match=r"Orientation.world_from_phone: wanted rows of length 1"):
         values.Orientation(T_S, 2 * UNIT)

@@ -20,9 +20,9 @@ from elfslam.baselines.floor_walks import (
     heading_by_phone,
     solved,
     turned,
-    wifi_likeness,
+    wifi_scores_between,
 )
-from elfslam.baselines.rival_maps import rssi_of
+from elfslam.baselines.maps import rssi_of
 from elfslam.stages.motion import MotionParameters, dead_reckon
 
 PARAMETERS = FloorParameters()
@@ -85,19 +85,19 @@ def test_what_tells_no_heading_is_refused():
         floor_walk(replace(mute, imu=None), MotionParameters())
 
 
-def test_likeness_is_of_different_walks_and_symmetric():
-    likeness = wifi_likeness(crossing_walks(), PARAMETERS.wifi)
-    assert likeness == pytest.approx(likeness.T)
-    assert (likeness[:13, :13] == 0).all()
-    assert likeness[:13, 13:].max() > 0.9
+def test_similarity_is_of_different_walks_and_symmetric():
+    similarity = wifi_scores_between(crossing_walks(), PARAMETERS.wifi)
+    assert similarity == pytest.approx(similarity.T)
+    assert (similarity[:13, :13] == 0).all()
+    assert similarity[:13, 13:].max() > 0.9
 
 
 def test_a_walk_without_scans_is_like_no_other():
     walks = crossing_walks()
     walks[1] = replace(walks[1], recording=replace(walks[1].recording, wifi=None))
-    likeness = wifi_likeness(walks, PARAMETERS.wifi)
-    assert (likeness[13:26] == 0).all()
-    assert likeness[:13].max() > 0.7
+    similarity = wifi_scores_between(walks, PARAMETERS.wifi)
+    assert (similarity[13:26] == 0).all()
+    assert similarity[:13].max() > 0.7
 
 
 @pytest.mark.parametrize("by", [BOTH[:1], BOTH], ids=["wifi", "both"])

@@ -18,8 +18,8 @@ from elfslam.baselines.magnetic import (
     levelled_field,
     magnetic_similarity,
     turned_round,
+    warping_costs,
 )
-from elfslam.baselines.warping import warping_costs
 from elfslam.data.magnetic import read_magnetic
 from elfslam.stages.motion import nodes_by_distance
 

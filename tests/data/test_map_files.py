@@ -15,7 +15,7 @@ from elfslam.base.values import Run
 from elfslam.data import map_files
 from elfslam.data.position_files import read_tum
 from elfslam.data.runs import read_run, write_run
-from elfslam.stages.quality import MapQuality
+from elfslam.stages.floormap import MapQuality
 
 
 def test_round_trip(tmp_path: Path, run: Run) -> None:

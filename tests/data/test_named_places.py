@@ -9,17 +9,6 @@ import pytest
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import Checkpoints, PointKind, PointOfInterest
-from elfslam.data.named_places import (
-    CHECKPOINTS,
-    MOST,
-    POINTS_OF_INTEREST,
-    read_checkpoints,
-    read_points,
-    write_checkpoints,
-    write_points,
-)
-from elfslam.base.points_of_interest import PointKind, PointOfInterest
-from elfslam.base.values import Checkpoints
 from elfslam.data import named_places
 
 

@@ -13,7 +13,8 @@ from torch import Tensor
 
 from elfslam.base.values import ECHO_SAMPLES, EchoPairs
 from elfslam.learn.parameters import PretrainParameters
-from elfslam.learn.pretrain import TrainingProgress, pretrain
+from elfslam.learn.pretrain import pretrain
+from elfslam.learn.resumable import TrainingStep
 
 TINY = PretrainParameters(
     steps=6, pairs=8, width=4, warmup_steps=2, learning_rate=3e-3, checkpoint_steps=2
@@ -43,7 +44,7 @@ def traces(count: int, seed: int = 0) -> Tensor:
 def die_in_training(checkpoint: Path) -> None:
     """A training that is killed after its fifth step; the last checkpoint was after the fourth."""
 
-    def report(progress: TrainingProgress) -> None:
+    def report(progress: TrainingStep) -> None:
         if progress.step == 5:
             os.kill(os.getpid(), signal.SIGKILL)
 

@@ -27,9 +27,9 @@ from elfslam.learn.floor_level import (
 from elfslam.learn.loss import spot_contrast
 from elfslam.learn.onnx_files import network_of
 from elfslam.learn.parameters import FloorLevelParameters
-from elfslam.learn.pretrain import TrainingProgress
+from elfslam.learn.resumable import TrainingStep
 from elfslam.stages.feature import OnnxEncoder, load_encoder, mean_normalised
-from elfslam.stages.superimposition import SpotEchoes, spot_means
+from elfslam.stages.floormap import SpotEchoes, spot_means
 
 SPOTS_M = np.column_stack([np.arange(12.0), np.zeros(12)])
 TOY = FloorLevelParameters(
@@ -61,7 +61,7 @@ def learnt(
     *,
     seed: int = 0,
     echoes_of: EchoesOf = toy_echoes,
-    report: Callable[[TrainingProgress], None] = lambda progress: None,
+    report: Callable[[TrainingStep], None] = lambda progress: None,
 ) -> FloorLevel:
     return learn_floor(
         shipped(), SPOTS_M, echoes_of, parameters,
@@ -102,7 +102,7 @@ def test_a_killed_training_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
     class KilledError(Exception):
         pass
 
-    def killed(progress: TrainingProgress) -> None:
+    def killed(progress: TrainingStep) -> None:
         if progress.step == 5:
             raise KilledError
 

@@ -25,13 +25,13 @@ from elfslam.learn.parameters import PretrainParameters
 from elfslam.learn.pretrain import (
     PairsOf,
     Pretrained,
-    TrainingProgress,
     build_network,
     embedded,
     pair_loss,
     pretrain,
     training_device,
 )
+from elfslam.learn.resumable import TrainingStep
 
 PROGRAM = str(Path(planted.__file__))
 TINY = PretrainParameters(
@@ -52,7 +52,7 @@ def trained(
     parameters: PretrainParameters = TINY,
     *,
     pairs_of: PairsOf = toy_pairs,
-    report: Callable[[TrainingProgress], None] = lambda progress: None,
+    report: Callable[[TrainingStep], None] = lambda progress: None,
     seed: int = 0,
 ) -> Pretrained:
     return pretrain(
@@ -60,8 +60,8 @@ def trained(
     )
 
 
-def killed_after(step: int) -> Callable[[TrainingProgress], None]:
-    def report(progress: TrainingProgress) -> None:
+def killed_after(step: int) -> Callable[[TrainingStep], None]:
+    def report(progress: TrainingStep) -> None:
         if progress.step > step:
             raise KilledError
 

@@ -13,16 +13,19 @@ from hypothesis import strategies as st
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import compose
 from elfslam.base.values import Closures, Fixes, FixStatus, Run, Trajectory, Truth
-from elfslam.scoring.alignment import AS_DECLARED, SimilarityTransform, match, placement
 from elfslam.scoring.errors import (
+    AS_DECLARED,
     Alignment,
+    SimilarityTransform,
     alignment_of,
     closure_scores,
     end_error_share,
     fix_errors,
     fix_scores,
     interval,
+    match,
     placed_errors,
+    placement,
     position_errors,
     run_scores,
     score_closures,

@@ -15,7 +15,7 @@ from elfslam.scoring.merged_report import (
     weight_tiles,
     write_merged_report,
 )
-from elfslam.stages.quality import MapQuality
+from elfslam.stages.floormap import MapQuality
 
 QUALITY = MapQuality(
     xy_m=[[0.5, 0.5], [1.5, 0.5], [0.5, 2.5]],

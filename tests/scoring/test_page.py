@@ -8,14 +8,7 @@ import plotly.graph_objects as go
 import pytest
 
 from elfslam.base.errors import InputError
-from elfslam.scoring.page import (
-    SCRIPT,
-    Page,
-    Panel,
-    save_page,
-    script_file,
-    self_contained,
-)
+from elfslam.scoring.page import SCRIPT, Page, Panel, save_page, script_file, self_contained
 
 PAGE = Page("Walk", "by echoes", [Panel("Line", go.Figure(go.Scatter(x=[0, 1], y=[0, 1])))])
 MOST_BYTES = 500_000

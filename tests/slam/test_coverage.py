@@ -8,6 +8,7 @@ import pytest
 
 from elfslam.base.values import ECHO_SAMPLES, Audio, Echoes, Imu, Recording
 from elfslam.slam.coverage import Missing, missing_of, spans_of, stretches, within
+from elfslam.slam.crop import crop
 from elfslam.stages.motion import MotionParameters
 
 RATE_HZ = 1000
@@ -100,10 +101,8 @@ def test_phones_that_take_turns_are_not_said_to_be_silent() -> None:
 
 
 def test_of_a_stretch_only_what_is_missing_within_it_counts() -> None:
-    recording = Recording(
-        "walk", "planted", audio=sound(20.0), imu=motion((0, 8), (11, 20)), kept_s=(10.0, 18.0)
-    )
-    assert missing(recording, echoes((11, 18))) == [("motion", 10.0, 11.0)]
+    recording = Recording("walk", "planted", audio=sound(20.0), imu=motion((0, 8), (11, 20)))
+    assert missing(crop(recording, 10.0, 18.0), echoes((11, 18))) == [("motion", 10.0, 11.0)]
 
 
 def test_in_words() -> None:

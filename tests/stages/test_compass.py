@@ -10,12 +10,7 @@ import pytest
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import wrap_angle
 from elfslam.base.values import Imu, Magnetometer
-from elfslam.stages.motion import (
-    HardIron,
-    MotionParameters,
-    compass_heading,
-    dead_reckon,
-)
+from elfslam.stages.motion import HardIron, MotionParameters, compass_heading, dead_reckon
 from elfslam.stages.motion.level import level
 from elfslam.stages.motion.reckoning import smooth_heading
 from tests.stages.magnetic_walk import walk

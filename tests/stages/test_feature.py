@@ -239,13 +239,13 @@ def test_what_a_phone_adds_to_every_echo_is_taken_away() -> None:
     first, second = (unit(places + own) for own in added)
     other = np.roll(np.arange(400), 1)
 
-    def likeness(a: F32, b: F32) -> float:
+    def similarity(a: F32, b: F32) -> float:
         return float(np.mean(np.sum(a * b, axis=1)[100:]))
 
-    assert likeness(first, first[other]) > 0.5 > likeness(first, second), "the phone is louder"
+    assert similarity(first, first[other]) > 0.5 > similarity(first, second), "the phone is louder"
     own, theirs = mean_normalised(first), mean_normalised(second)
-    assert likeness(own, theirs) > 0.95
-    assert abs(likeness(own, theirs[other])) < 0.05
+    assert similarity(own, theirs) > 0.95
+    assert abs(similarity(own, theirs[other])) < 0.05
 
 
 def test_only_what_was_heard_so_far_is_taken_away() -> None:

@@ -1,4 +1,4 @@
-"""Every parameter of the line has two bounds, and between them nothing breaks."""
+"""Every parameter of the pipeline has two bounds, and between them nothing breaks."""
 
 from __future__ import annotations
 
@@ -72,8 +72,8 @@ def close_loops(parameters: Parameters) -> Trajectory:
     return optimise(build_graph(nodes, closures), nodes.t_s, parameters.graph)
 
 
-def run_line(parameters: Parameters) -> str:
-    """How the line ends: "mapped", or what the error says."""
+def run_pipeline(parameters: Parameters) -> str:
+    """How the pipeline ends: "mapped", or what the error says."""
     recording, encoder = short_walk(), SpectralEncoder()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -88,7 +88,7 @@ def run_line(parameters: Parameters) -> str:
 
 
 def test_the_short_walk_is_mapped() -> None:
-    assert run_line(PARAMETERS) == "mapped"
+    assert run_pipeline(PARAMETERS) == "mapped"
     assert close_loops(PARAMETERS).status == "OK"
 
 
@@ -98,35 +98,27 @@ def test_every_number_has_both_bounds() -> None:
     assert len(NUMERIC) > 40
 
 
-@pytest.mark.parametrize("name", NUMERIC)
-def test_a_value_outside_its_bounds_is_refused(name: str) -> None:
-    low, high = NUMERIC[name]["low"], NUMERIC[name]["high"]
-    whole = type(low) is int
-    below = low - 1 if whole else math.nextafter(low, -math.inf)
-    above = high + 1 if whole else math.nextafter(high, math.inf)
-    for value in (below, above):
-        with pytest.raises(ParameterError, match=f"{name}: wanted a finite value from"):
-            replace(PARAMETERS, name, value)
+def test_a_value_outside_its_bounds_is_refused() -> None:
+    for name, item in NUMERIC.items():
+        low, high = item["low"], item["high"]
+        below = low - 1 if type(low) is int else math.nextafter(low, -math.inf)
+        above = high + 1 if type(low) is int else math.nextafter(high, math.inf)
+        for value in (below, above):
+            with pytest.raises(ParameterError, match=f"{name}: wanted a finite value from"):
+                replace(PARAMETERS, name, value)
 
 
-@pytest.mark.parametrize("name", NUMERIC)
-@pytest.mark.parametrize("end", ["low", "high"])
-def test_the_line_runs_or_refuses_at_each_bound(name: str, end: str) -> None:
-    ended = run_line(replace(PARAMETERS, name, NUMERIC[name][end]))
-    assert ended == "mapped" or (";" in ended and "\n" not in ended)
-
-
-@settings(max_examples=25, deadline=None, derandomize=True, database=None)
+@settings(max_examples=60, deadline=None, derandomize=True, database=None)
 @given(
     st.dictionaries(
-        st.sampled_from(sorted(NUMERIC)), st.sampled_from(["low", "high"]), min_size=2, max_size=4
+        st.sampled_from(sorted(NUMERIC)), st.sampled_from(["low", "high"]), min_size=1, max_size=4
     )
 )
-def test_bounds_together_run_or_are_refused(ends: dict[str, str]) -> None:
+def test_the_pipeline_runs_or_refuses_at_its_bounds(ends: dict[str, str]) -> None:
     changed = PARAMETERS
     for name, end in ends.items():
         changed = replace(changed, name, NUMERIC[name][end])
-    ended = run_line(changed)
+    ended = run_pipeline(changed)
     assert ended == "mapped" or (";" in ended and "\n" not in ended)
 
 
@@ -151,13 +143,13 @@ def test_bounds_together_run_or_are_refused(ends: dict[str, str]) -> None:
 )
 def test_what_cannot_be_is_refused_with_a_reason(setting: list[str], message: str) -> None:
     try:
-        said = run_line(load(PARAMETERS, None, setting))
+        said = run_pipeline(load(PARAMETERS, None, setting))
     except ParameterError as error:
         said = str(error)
     assert re.search(message, said)
 
 
-def test_every_parameter_of_the_line_has_a_meaning_and_stays_in_its_own_range() -> None:
+def test_every_parameter_of_the_pipeline_has_a_meaning_and_stays_in_its_own_range() -> None:
     listed = list(rows(PARAMETERS))
     assert len(listed) > 40
     for row in listed:

@@ -213,7 +213,7 @@ def test_in_silence_each_step_adds_the_error_that_it_was_reckoned_with() -> None
     npt.assert_allclose(np.trace(after_m2 - before_m2), 10 * (0.3**2 + 0.1**2), rtol=0.15)
 
 
-def test_the_densest_place_is_that_of_most_weight_not_of_most_guesses() -> None:
+def test_the_densest_place_is_that_of_most_weight_not_of_most_particles() -> None:
     generator = np.random.default_rng(0)
     xy_m = np.vstack([generator.normal(0, 0.1, (90, 2)), generator.normal(5.5, 0.1, (10, 2))])
     weight = np.concatenate([np.full(90, 0.004), np.full(10, 0.064)])

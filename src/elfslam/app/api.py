@@ -30,11 +30,11 @@ from elfslam.base.parameters import load
 from elfslam.base.parameters import replace as with_parameter
 from elfslam.base.values import Announce, Fixes, FloorMap, Recording, Run, Truth, silent
 from elfslam.slam import pipeline
+from elfslam.slam.crop import crop
 from elfslam.slam.front_end import extract_echoes
 from elfslam.slam.merging import MappedWalk, add_walk, lay_walk, walk_of
 from elfslam.slam.merging import merge as merge_walks
 from elfslam.slam.pipeline import Sense
-from elfslam.slam.trimming import trimmed
 from elfslam.stages.feature import Encoder, load_encoder
 
 SettingsLike = Settings | Mapping[str, Any] | Path | str | None
@@ -119,7 +119,7 @@ def map(
     NoAnswerError.
     """
     known, kept_s = settings_of(settings), parse_stretch(from_s, until_s)
-    recording = recording if kept_s is None else trimmed(recording, *kept_s)
+    recording = recording if kept_s is None else crop(recording, *kept_s)
     if by is not None and not isinstance(by, str):
         senses = [by] if isinstance(by, Sense) else list(by)
         return pipeline.map_by(_started(recording, start), senses, known, announce=announce)
@@ -233,8 +233,7 @@ def score(
     Fixes are scored in the frame of the truth; `mapped` and `map_truth` are the run that they lie
     in and its truth, which bring them there. Raises InputError.
     """
-    from elfslam.scoring.alignment import alignment_of
-    from elfslam.scoring.errors import fix_scores, run_scores
+    from elfslam.scoring.errors import alignment_of, fix_scores, run_scores
 
     if isinstance(estimate, Run):
         return ScoreTable(run_scores(estimate, truth))

@@ -18,8 +18,8 @@ from elfslam.base.values import Fixes, FixStatus, Recording, Run, Truth
 from elfslam.data.atomic_files import new_file, refuse_occupied
 from elfslam.data.position_files import write_fixes
 from elfslam.data.recordings import write_recording
-from elfslam.scoring.alignment import AS_DECLARED
 from elfslam.scoring.errors import (
+    AS_DECLARED,
     Alignment,
     alignment_of,
     fix_distances,

@@ -39,8 +39,7 @@ from elfslam.data.map_files import (
 from elfslam.data.recordings import read_recording
 from elfslam.slam.front_end import extract_echoes
 from elfslam.slam.pipeline import locate
-from elfslam.stages.carried_points import gathered
-from elfslam.stages.checkpoints import CheckpointParameters, places_visited
+from elfslam.stages.checkpoints import CheckpointParameters, gathered, places_visited
 from elfslam.stages.device_adaptation import learn_phone
 from elfslam.stages.feature import Encoder, extract_features, load_encoder
 

@@ -36,13 +36,13 @@ from elfslam.data.runs import digest_of, fill_run, write_run
 from elfslam.learn.parameters import FinetuneParameters
 from elfslam.slam import pipeline as slam
 from elfslam.slam.coverage import Missing, missing_of
-from elfslam.slam.front_end import compass_of, extract_echoes
+from elfslam.slam.crop import crop
+from elfslam.slam.front_end import extract_echoes
 from elfslam.slam.merging.members import MergeParameters
 from elfslam.slam.parameters import Parameters
-from elfslam.slam.trimming import trimmed
 from elfslam.stages.checkpoints import lies_on_plan
 from elfslam.stages.feature import Encoder, OnnxEncoder, load_encoder
-from elfslam.stages.quality import map_quality
+from elfslam.stages.floormap import map_quality
 
 if TYPE_CHECKING:
     from elfslam.learn.finetune import Finetuned
@@ -164,7 +164,7 @@ class Mapped:
 def map_recording(recording: Recording, job: MapJob, announce: Announce = silent) -> Mapped:
     """Map one recording as the job says. Raises InputError, NoAnswerError."""
     if job.kept_s is not None:
-        recording = trimmed(recording, *job.kept_s)
+        recording = crop(recording, *job.kept_s)
     if job.start_pose is not None:
         recording = replace(recording, start_pose=job.start_pose)
     heard = (Modality.ELF,) if recording.audio is not None else (Modality.MOTION,)
@@ -196,9 +196,8 @@ def _heading_by(recording: Recording, run: Run, parameters: Parameters) -> str:
     """Who says which way a walk heads."""
     if lies_on_plan(recording.checkpoints, run.trajectory, parameters.checkpoint):
         return BY_TAPS
-    compass = compass_of(recording, parameters)
-    if compass is not None:
-        return f"by compass, to {np.rad2deg(compass.sigma_rad):.0f} degrees"
+    if run.compass_sigma_rad is not None:
+        return f"by compass, to {np.rad2deg(run.compass_sigma_rad):.0f} degrees"
     if recording.imu is None:
         return "by the device's own odometry"
     return "unknown: along x at first" if recording.start_pose is None else "declared"

@@ -23,17 +23,17 @@ from elfslam.data.named_places import read_points
 from elfslam.data.runs import read_run
 from elfslam.learn.parameters import FloorLevelParameters
 from elfslam.slam.merging import MappedWalk, MergeParameters, add_walk, lay_walk, merge, walk_of
-from elfslam.stages.carried_points import carried, gathered
+from elfslam.stages.checkpoints import carried, gathered
 from elfslam.stages.feature import Encoder, OnnxEncoder
-from elfslam.stages.locate import elf_payload
-from elfslam.stages.map_alignment import Registration
-from elfslam.stages.superimposition import (
+from elfslam.stages.floormap import (
     SpotEchoes,
     floor_spots,
     nearest_covariance,
     superimposed,
     superimposed_map,
 )
+from elfslam.stages.locate import elf_payload
+from elfslam.stages.map_alignment import Registration
 
 
 @dataclass(frozen=True, eq=False)

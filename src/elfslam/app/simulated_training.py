@@ -17,12 +17,11 @@ from elfslam.base.card import Card, Pretraining, training_facts
 from elfslam.base.errors import ParameterError, StoreError
 from elfslam.base.values import EchoPairs
 from elfslam.data.atomic_files import new_file
-from elfslam.learn.components import with_components
-from elfslam.learn.network import CompactEncoder
+from elfslam.learn.network import CompactEncoder, with_components
 from elfslam.learn.onnx_files import export_encoder
 from elfslam.learn.parameters import PretrainParameters
-from elfslam.learn.pretrain import NETWORKS, PairsOf, Pretrained, TrainingProgress, pretrain
-from elfslam.learn.resumable import Batch, Stream, prefetched
+from elfslam.learn.pretrain import NETWORKS, PairsOf, Pretrained, pretrain
+from elfslam.learn.resumable import Batch, Stream, TrainingStep, prefetched
 from elfslam.scoring.charts import loss_figure
 from elfslam.scoring.page import Page, Panel, facts_table, save_page
 from elfslam.world.circumstances import DIFFUSE, ENGINES
@@ -60,7 +59,7 @@ def pretrain_on_simulated_echoes(
     """
     _check(out, parameters)
 
-    def report(progress: TrainingProgress) -> None:
+    def report(progress: TrainingStep) -> None:
         share = progress.step / parameters.steps
         announce(f"step {progress.step} of {parameters.steps}, loss {progress.loss:.3f}", share)
 
@@ -98,7 +97,7 @@ def step_pairs(step: int, *, seed: int, pairs: int, rooms: int, engine: str) -> 
 
 def _trained(
     parameters: PretrainParameters,
-    report: Callable[[TrainingProgress], None],
+    report: Callable[[TrainingStep], None],
     *,
     seed: int,
     checkpoint: Path,

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field, fields
-from typing import Any
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +15,7 @@ F64 = npt.NDArray[np.float64]
 F32 = npt.NDArray[np.float32]
 I64 = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
+C128 = npt.NDArray[np.complex128]
 Dimension = int | str
 LARGEST = np.float64(1e15)
 """Beyond anything that is measured or counted; it can still be squared."""
@@ -93,6 +94,17 @@ class Value:
                 continue
             name = f"{type(self).__name__}.{spec_field.name}"
             object.__setattr__(self, spec_field.name, _checked(name, given, spec, sizes))
+
+    def chosen(self, rows: Bool | I64 | slice) -> Self:
+        """The same with some of the rows of its first array, and of those that go with it."""
+        specs = {each.name: each.metadata.get("array") for each in fields(self)}  # type: ignore[arg-type]
+        first = next(spec.shape[0] for spec in specs.values() if spec)
+        columns = {
+            name: getattr(self, name)[rows]
+            for name, spec in specs.items()
+            if spec and spec.shape[0] == first and getattr(self, name) is not None
+        }
+        return replace(self, **columns)  # type: ignore[type-var]
 
 
 def _checked(name: str, given: Any, spec: ArraySpec, sizes: dict[str, int]) -> npt.NDArray[Any]:

@@ -54,6 +54,16 @@ def chain(start: F64, moves: F64) -> F64:
     return np.column_stack([xy, wrap_angle(headings)])
 
 
+def mean_pose(poses: F64, weight: F64) -> tuple[F64, F64]:
+    """Mean (3) and covariance (3, 3) of poses (n, 3) by their weights (sum 1)."""
+    first = poses[int(np.argmax(weight))]
+    apart = np.column_stack([poses[:, :2] - first[:2], wrap_angle(poses[:, 2] - first[2])])
+    shift = weight @ apart
+    centred, mean = apart - shift, first + shift
+    mean[2] = wrap_angle(mean[2])
+    return mean, centred.T @ (centred * weight[:, None])
+
+
 def path_length_m(xy_m: F64) -> float:
     """Length of the polyline through positions (n, 2)."""
     return float(np.linalg.norm(np.diff(xy_m, axis=0), axis=1).sum())

@@ -10,7 +10,7 @@ metres and heading in radians counter-clockwise from x. A pose is (x, y, heading
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, replace
 from enum import IntEnum, StrEnum
 from typing import Any
 
@@ -139,13 +139,20 @@ class Odometry(Value):
     scale_sigma: float = 0.0
     heading_drift_sigma_radps: float = 0.0
 
+    def chosen(self, rows: Bool | I64 | slice) -> Odometry:
+        """Some nodes that follow each other."""
+        kept = np.arange(len(self.t_s))[rows]
+        poses, sigma = self.world_from_body[kept], self.step_sigma[kept[:-1]]
+        return replace(self, t_s=self.t_s[kept], world_from_body=poses, step_sigma=sigma)
+
 
 @dataclass(frozen=True, eq=False)
 class Recording:
     """Everything a phone brought home from one walk; never the truth.
 
     `played_t_s` (n): when chirps began to be played, up to the way of the sound; `gain_db` (n): how
-    loud; else once per period and alike. `kept_s` is what counts, `notes` what was not right.
+    loud; else once per period and alike. `crop_s` is the stretch that it was cropped to and
+    `motion_t_s` (k) when motion was measured in the whole; `notes` say what was not right.
     """
 
     name: str
@@ -160,7 +167,8 @@ class Recording:
     emr: Emr | None = None
     played_t_s: F64 | None = None
     gain_db: F64 | None = None
-    kept_s: tuple[float, float] | None = None
+    crop_s: tuple[float, float] | None = None
+    motion_t_s: F64 | None = None
     checkpoints: Checkpoints | None = None
     notes: tuple[str, ...] = ()
 
@@ -226,6 +234,16 @@ class Features(Value):
     vectors: F32 = array("n", "d", dtype=np.float32, unit_rows=True)
     encoder: str
 
+    def means_between(self, edges_s: F64, fewest: int = 1) -> F32:
+        """Mean features (n-1, d) between consecutive times (n); NaN where echoes are fewer."""
+        stretch = np.searchsorted(edges_s, self.t_s, side="right") - 1
+        inside = (stretch >= 0) & (stretch < len(edges_s) - 1)
+        sums = np.zeros((len(edges_s) - 1, self.vectors.shape[1]))
+        np.add.at(sums, stretch[inside], self.vectors[inside])
+        counts = np.bincount(stretch[inside], minlength=len(sums))
+        means = sums / np.where(counts >= fewest, counts, np.nan)[:, None]
+        return np.asarray(means, np.float32)
+
 
 @dataclass(frozen=True, eq=False)
 class Similarity(Value):
@@ -279,10 +297,6 @@ class Closures(Value):
     i_from_j: F64 = array("k", 3)
     covariance: F64 = array("k", 3, 3, covariance=True)
 
-    def chosen(self, rows: Bool) -> Closures:
-        """Those of some rows."""
-        return Closures(*(getattr(self, each.name)[rows] for each in fields(self)))
-
 
 NO_CLOSURES = Closures(
     np.empty(0, int), np.empty(0, int), np.empty(0), np.empty((0, 3)), np.empty((0, 3, 3))
@@ -328,7 +342,7 @@ class Verdict:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory(Value):
-    """The straightened walk: a pose and a covariance per footstep.
+    """The corrected walk: a pose and a covariance per footstep.
 
     `closure_weights` says how far the back end trusted each closure (0 rejected, 1 kept).
     `status` is OK, or NO_CLOSURES where nothing corrected the dead reckoning. The `verdict` comes
@@ -421,7 +435,10 @@ class Fixes(Value, Plotted):
 
 @dataclass(frozen=True, eq=False)
 class Run(Plotted):
-    """What mapping one recording gives, with its evidence."""
+    """What mapping one recording gives, with its evidence.
+
+    `compass_sigma_rad` is how sure the compass is that the walk is headed by, where one is.
+    """
 
     name: str
     odometry: Odometry
@@ -434,6 +451,7 @@ class Run(Plotted):
     seconds: dict[str, float] = field(default_factory=dict)
     points_of_interest: tuple[PointOfInterest, ...] = ()
     checkpoints: Checkpoints | None = None
+    compass_sigma_rad: float | None = None
 
     def __repr__(self) -> str:
         """What mapping gave, in a line."""

@@ -1,1 +1,1 @@
-"""Floor 3: baselines through the same pipeline: other modalities and other features."""
+"""Floor 3: other sensors and other features through the same stages."""

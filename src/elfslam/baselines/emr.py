@@ -15,7 +15,7 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.parameters import parameter
 from elfslam.base.values import Emr, Odometry, Similarity
-from elfslam.baselines.warping import warping_costs
+from elfslam.baselines.magnetic import warping_costs
 from elfslam.stages.closure import ClosureParameters
 
 EMR_CLOSURES = ClosureParameters(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -30,8 +30,8 @@ from elfslam.baselines.floor_walks import (
     heading_by_phone,
     thinned_rows,
 )
+from elfslam.baselines.maps import payload_of, rssi_of
 from elfslam.baselines.neighbours import UNKNOWN_HEADING_RAD, field_weights
-from elfslam.baselines.rival_maps import payload_of, rssi_of
 from elfslam.baselines.wifi import (
     Fingerprints,
     WifiPlaces,
@@ -214,24 +214,13 @@ def _until(walk: FloorWalk, count: int) -> FloorWalk:
     """The first footsteps of a walk, and what its phone had sensed by then."""
     nodes, recording = walk.nodes, walk.recording
     until_s = nodes.t_s[count - 1]
-    walked = replace(
-        nodes,
-        t_s=nodes.t_s[:count],
-        world_from_body=nodes.world_from_body[:count],
-        step_sigma=nodes.step_sigma[: count - 1],
-    )
     sensed = {name: _cut(getattr(recording, name), until_s) for name in SENSORS}
-    return replace(walk, recording=replace(recording, **sensed), nodes=walked)
+    return replace(walk, recording=replace(recording, **sensed), nodes=nodes.chosen(slice(count)))
 
 
 def _cut(sensed: Any, until_s: float) -> Any:
     """The rows of a sensor up to then."""
-    if sensed is None:
-        return None
-    rows = sensed.t_s <= until_s
-    columns = {each.name: getattr(sensed, each.name) for each in fields(sensed)}
-    arrays = {name: each[rows] for name, each in columns.items() if isinstance(each, np.ndarray)}
-    return replace(sensed, **arrays)
+    return None if sensed is None else sensed.chosen(sensed.t_s <= until_s)
 
 
 def _field_weights(walk: FloorWalk, heading_rad: F64, near: Bool, places: FloorPlaces) -> F64:

@@ -11,10 +11,9 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from elfslam.base.arrays import F64, I64
+from elfslam.base.arrays import C128, F64, I64
 from elfslam.base.enums import Modality
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import between, compose
@@ -29,6 +28,7 @@ from elfslam.base.values import (
     Trajectory,
 )
 from elfslam.baselines.magnetic import LOOKS_AHEAD
+from elfslam.baselines.maps import rssi_payload, stretch_map
 from elfslam.baselines.neighbours import (
     NeighbourParameters,
     candidates,
@@ -36,7 +36,6 @@ from elfslam.baselines.neighbours import (
     field_windows,
     neighbour_closures,
 )
-from elfslam.baselines.rival_maps import rssi_payload, stretch_map
 from elfslam.baselines.wifi import (
     Fingerprints,
     PlaceParameters,
@@ -137,7 +136,6 @@ NORTH_OF_COMPASS_RAD = np.pi / 2
 TOLD_RAD = 0.2
 """An angle that is known worse than this is not worth turning a floor by."""
 PLANE = np.array([1, 1j])
-C128 = npt.NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
@@ -212,7 +210,7 @@ def compass_turn(orientation: Orientation, nodes: Odometry) -> float:
     return float(np.angle(np.exp(1j * ahead).mean()))
 
 
-def wifi_likeness(walks: Sequence[FloorWalk], parameters: WifiFingerprintParameters) -> F64:
+def wifi_scores_between(walks: Sequence[FloorWalk], parameters: WifiFingerprintParameters) -> F64:
     """Wi-Fi scores (n, n) between the thinned nodes of different walks; 0 within a walk."""
     walk_of = _walk_of(walks)
     heard = [_heard(walk, parameters) for walk in walks]
@@ -234,7 +232,7 @@ def floor_turn(walks: Sequence[FloorWalk], parameters: FloorParameters) -> Floor
     walk_of, own, start = _walk_of(walks), *_own_and_start(walks)
     by_compass = np.array([walk.by_compass for walk in walks])[walk_of]
     free, fixed = np.where(by_compass, own, 0), np.where(by_compass, start, start + own)
-    alike = wifi_likeness(walks, parameters.wifi)
+    alike = wifi_scores_between(walks, parameters.wifi)
     i, j, weight = _most_alike(alike, parameters.neighbours)
     walked, apart = free[i] - free[j], fixed[j] - fixed[i]
     by_walk = np.zeros(len(walks), dtype=np.complex128)
@@ -264,7 +262,7 @@ def solved(
         levels = [field_levels(walk, known)[thinned_rows(walk.nodes)] for walk in walks]
         weights *= field_weights(np.concatenate(levels), poses[:, 2], near, known)
     if Modality.WIFI in by:
-        weights *= wifi_likeness(walks, parameters.wifi) ** known.wifi_power
+        weights *= wifi_scores_between(walks, parameters.wifi) ** known.wifi_power
     closures = neighbour_closures(weights, known)
     found = np.unique(walk_of[np.concatenate([closures.i, closures.j])])
     return corrected([walk.nodes for walk in walks], closures), len(found) / len(walks)
@@ -337,12 +335,12 @@ def _own_and_start(walks: Sequence[FloorWalk]) -> tuple[C128, C128]:
     return np.concatenate(nodes) - np.concatenate(starts), np.concatenate(starts)
 
 
-def _most_alike(likeness: F64, parameters: NeighbourParameters) -> tuple[I64, I64, F64]:
+def _most_alike(similarity: F64, parameters: NeighbourParameters) -> tuple[I64, I64, F64]:
     """For each node the few that are most like it: pairs (k) and their weights."""
-    count = min(parameters.count, len(likeness))
-    best = np.argpartition(-likeness, count - 1, axis=1)[:, :count]
-    i, j = np.repeat(np.arange(len(likeness)), count), best.ravel()
-    return i, j, likeness[i, j] ** parameters.wifi_power
+    count = min(parameters.count, len(similarity))
+    best = np.argpartition(-similarity, count - 1, axis=1)[:, :count]
+    i, j = np.repeat(np.arange(len(similarity)), count), best.ravel()
+    return i, j, similarity[i, j] ** parameters.wifi_power
 
 
 def _heard(walk: FloorWalk, parameters: WifiFingerprintParameters) -> Fingerprints:

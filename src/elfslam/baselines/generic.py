@@ -1,6 +1,6 @@
 """Generic features: what an echo is compared by when nothing was learned about places.
 
-The paper's baselines (its section 4): the raw trace, its power spectral density, its
+Baselines of the ELF in the paper, section 4: the raw trace, its power spectral density, its
 spectrogram, and principal components of the spectrogram. Each is an `Encoder` of the pipeline.
 """
 
@@ -115,7 +115,7 @@ def centred_spectrogram(samples: F32) -> F32:
 
 
 def root_spectrogram(samples: F32) -> F32:
-    """Square roots of the magnitudes, without their mean: late and early sound count evenly."""
+    """Square roots of the magnitudes, without their mean: late and early sound count more alike."""
     root = np.sqrt(flat_spectrogram(samples))
     return np.asarray(root - root.mean(axis=1, keepdims=True))
 

@@ -1,10 +1,10 @@
 """Geomagnetic similarity: the field along the walk, compared by dynamic time warping.
 
-Steel and wiring bend the field, and that stays with the place. The paper's baseline (after Wang et
-al., keyframe-based geomagnetic SLAM) warps the normalised field of one footstep, in the phone's
-axes and by time, onto that of another. The tuned one levels the field by roll and pitch, samples it
-by distance walked, and warps the stretches around any two nodes, as walked and turned round. Yaw is
-never used.
+Steel and wiring bend the field in a way that stays with the place. The paper's baseline (after
+Wang et al., keyframe-based geomagnetic SLAM) warps the normalised field of one footstep, in the
+phone's axes and by time, onto that of another. The tuned one levels the field by roll and pitch,
+samples it by distance walked, and warps the stretches around any two nodes, as walked and turned
+round. Yaw is never used.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numba import njit
 from scipy import ndimage
 from scipy.spatial.transform import Rotation, Slerp
 
@@ -19,8 +20,52 @@ from elfslam.base.arrays import F64, Bool, Value, array
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.parameters import parameter
 from elfslam.base.values import Imu, Magnetometer, Odometry, Orientation, Similarity
-from elfslam.baselines.warping import warping_costs
 from elfslam.stages.closure import ClosureParameters
+
+
+def warping_costs(windows: F64, others: F64, band: int) -> F64:
+    """Cost (n, m) of warping each of n stretches (w, c) onto each of m, per sample.
+
+    Dynamic time warping with Euclidean cost and a Sakoe-Chiba band: samples that are matched lie
+    at most `band` apart.
+    """
+    return warping_costs_where(
+        np.ones((len(windows), len(others)), dtype=np.bool_), windows, others, band
+    )
+
+
+def warping_costs_where(wanted: Bool, windows: F64, others: F64, band: int) -> F64:
+    """The same costs (n, m) where they are wanted (n, m), infinite elsewhere."""
+    sequences = np.ascontiguousarray(windows), np.ascontiguousarray(others)
+    return np.asarray(_warping_costs(wanted, *sequences, band))
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _warping_costs(wanted: Bool, windows: F64, others: F64, band: int) -> F64:
+    costs = np.full((len(windows), len(others)), np.inf)
+    for i in range(len(windows)):
+        for j in range(len(others)):
+            if wanted[i, j]:
+                costs[i, j] = _warping_cost(windows[i], others[j], band)
+    return costs
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _warping_cost(one: F64, other: F64, band: int) -> float:
+    size = len(one)
+    before = np.full(size + 1, np.inf)
+    before[0] = 0.0
+    now = np.empty(size + 1)
+    for i in range(1, size + 1):
+        now[:] = np.inf
+        for j in range(max(1, i - band), min(size, i + band) + 1):
+            square = 0.0
+            for k in range(one.shape[1]):
+                square += (one[i - 1, k] - other[j - 1, k]) ** 2
+            now[j] = np.sqrt(square) + min(before[j], before[j - 1], now[j - 1])
+        before, now = now, before
+    return float(before[size] / size)
+
 
 VARIANTS = ("tuned", "paper")
 PAPER_SAMPLES = 25
@@ -86,8 +131,7 @@ def magnetic_scores(windows: F64, others: F64, parameters: MagneticParameters) -
     else:
         band = round(parameters.warp_m / parameters.spacing_m)
         costs = np.minimum(
-            warping_costs(windows, others, band),
-            warping_costs(windows, turned_round(others), band),
+            warping_costs(windows, others, band), warping_costs(windows, turned_round(others), band)
         )
     return np.asarray(np.exp(-costs / parameters.cost_scale))
 

@@ -16,8 +16,7 @@ import numpy as np
 from elfslam.base.arrays import F64, I64, Bool
 from elfslam.base.parameters import parameter
 from elfslam.base.values import Closures, Magnetometer, Odometry, Orientation
-from elfslam.baselines.magnetic import field_by_distance
-from elfslam.baselines.warping import warping_costs_where
+from elfslam.baselines.magnetic import field_by_distance, warping_costs_where
 
 UNKNOWN_HEADING_RAD = 100.0
 """Far more than a full turn: such a sigma leaves the heading free."""

@@ -19,7 +19,7 @@ from elfslam.base.values import FloorMap, Payload, PointOfInterest, Trajectory
 from elfslam.data.named_places import write_points
 from elfslam.data.npz import read_npz, write_npz
 from elfslam.data.position_files import read_tum, write_tum
-from elfslam.stages.quality import MapQuality
+from elfslam.stages.floormap import MapQuality
 
 FACTS, ENCODER = "run.json", "encoder.onnx"
 BY_TAPS = "by taps on a floor plan"

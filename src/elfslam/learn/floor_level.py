@@ -26,10 +26,9 @@ from elfslam.learn.loss import spot_contrast
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.onnx_files import encoder_content, network_of
 from elfslam.learn.parameters import FloorLevelParameters
-from elfslam.learn.pretrain import TrainingProgress
-from elfslam.learn.resumable import Stream, prefetched, resumed, save, warm_cosine
+from elfslam.learn.resumable import Stream, TrainingStep, prefetched, resumed, save, warm_cosine
 from elfslam.stages.feature import Encoder, OnnxEncoder, walk_vectors
-from elfslam.stages.superimposition import SpotEchoes, spot_means
+from elfslam.stages.floormap import SpotEchoes, spot_means
 
 PARTS = ("whole", "head")
 
@@ -73,7 +72,7 @@ def learn_floor(
     *,
     seed: int,
     checkpoint: Path,
-    report: Callable[[TrainingProgress], None] = lambda progress: None,
+    report: Callable[[TrainingStep], None] = lambda progress: None,
     stream: Stream = prefetched,
 ) -> FloorLevel:
     """`encoder` after the batches `echoes_of(0)`, `echoes_of(1)`, ... of one floor.
@@ -101,7 +100,7 @@ def learn_floor(
             group["lr"] = group["peak"] * share
         losses.append(_learn(network, optimizer, spots_m, batch, parameters))
         heard = len(batch.samples)
-        report(TrainingProgress(step + 1, losses[-1]))
+        report(TrainingStep(step + 1, losses[-1]))
         if (step + 1) % parameters.checkpoint_steps == 0 or step + 1 == parameters.steps:
             save(checkpoint, run, losses, network, optimizer)
     card = _card(encoder, heard * len(losses), losses, parameters, seed)

@@ -1,9 +1,15 @@
 """The networks, from raw aligned samples to the ELF in one differentiable graph.
 
-The compact encoder, and ResNet-18 (He et al. 2016) with the paper's projection head."""
+The compact encoder, and ResNet-18 (He et al. 2016) with the paper's projection head. Real rooms are
+known by their first millimetres, which a network that was taught to forget 20 cm does not keep; a
+hand-made feature keeps them, and forgets the next step. Side by side they keep both, and their
+principal components (Pearson 1901) have the size of the ELF alone.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -11,7 +17,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from elfslam.base.values import ELF_SIZE
+from elfslam.base.arrays import F32, F64, I64
+from elfslam.base.errors import InputError
+from elfslam.base.values import ELF_SIZE, EchoPairs
 from elfslam.stages.feature import BINS, FIRST_BIN, HOP_SAMPLES, WINDOW_SAMPLES
 
 FRAMES = 48
@@ -20,7 +28,7 @@ LOG_FLOOR = 0.02
 
 
 class Spectrogram(nn.Module):
-    """Samples (n, 2352) to magnitudes (n, 12, 48): the framing and DFT of `line.feature`."""
+    """Samples (n, 2352) to magnitudes (n, 12, 48): the framing and DFT of `stages.feature`."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -55,7 +63,7 @@ class Residual(nn.Module):
 class Components(nn.Linear):
     """An ELF beside its root spectrogram (n, 704) as unit rows (n, 128) of their components.
 
-    Fitted after the training: `elfslam.learn.components`.
+    Fitted after the training, by `with_components`.
     """
 
     def __init__(self) -> None:
@@ -214,3 +222,66 @@ def convolution(inputs: int, outputs: int, size: int, stride: int) -> nn.Sequent
         nn.Conv2d(inputs, outputs, size, stride=stride, padding=size // 2, bias=False),
         nn.BatchNorm2d(outputs),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """Sums over echoes: of vectors (d), and of squares (d, d) less the mean of their visit."""
+
+    count: int
+    vectors: F64
+    squares: F64
+
+    def __add__(self, other: Moments) -> Moments:
+        return Moments(
+            self.count + other.count, self.vectors + other.vectors, self.squares + other.squares
+        )
+
+
+def with_components(network: CompactEncoder, batches: Iterable[EchoPairs]) -> CompactEncoder:
+    """The network with components fitted on echoes of many visits; each batch is heard once.
+
+    Raises InputError where there is no batch.
+    """
+    network.components = None
+    sums: Moments | None = None
+    for batch in batches:
+        for samples in (batch.first, batch.second):
+            made = moments(_beside(network, samples), batch.room)
+            sums = made if sums is None else sums + made
+    if sums is None:
+        raise InputError("components: wanted pairs of echoes, got none; pass a batch")
+    weight, bias = components(sums)
+    network.components = Components()
+    with torch.no_grad():
+        network.components.weight.copy_(torch.tensor(weight))
+        network.components.bias.copy_(torch.tensor(bias))
+    return network
+
+
+def moments(vectors: F64, visit: I64) -> Moments:
+    """The sums of vectors (n, d) that were heard on these visits (n).
+
+    The mean of a visit is the phone's, and features lose it (`stages.feature.mean_normalised`).
+    """
+    visits, which = np.unique(visit, return_inverse=True)
+    mean = np.zeros((len(visits), vectors.shape[1]))
+    np.add.at(mean, which, vectors)
+    own = vectors - (mean / np.bincount(which)[:, None])[which]
+    return Moments(len(vectors), vectors.sum(axis=0), own.T @ own)
+
+
+def components(sums: Moments, size: int = ELF_SIZE) -> tuple[F64, F64]:
+    """Weights (size, d) and bias (size) of the directions in which echoes of a visit vary most.
+
+    What all echoes share becomes zero.
+    """
+    _, directions = np.linalg.eigh(sums.squares)
+    weight = np.ascontiguousarray(directions[:, ::-1][:, :size].T)
+    return weight, -weight @ (sums.vectors / sums.count)
+
+
+def _beside(network: CompactEncoder, samples: F32) -> F64:
+    with torch.no_grad():
+        rows = network.beside(*network.inner(torch.from_numpy(np.array(samples))))
+    return np.asarray(rows.numpy(), dtype=np.float64)

@@ -16,21 +16,13 @@ from elfslam.base.values import EchoPairs
 from elfslam.learn.loss import margin_loss, nt_xent
 from elfslam.learn.network import CompactEncoder, ResNetEncoder
 from elfslam.learn.parameters import PretrainParameters
-from elfslam.learn.resumable import Stream, prefetched, resumed, save, warm_cosine
+from elfslam.learn.resumable import Stream, TrainingStep, prefetched, resumed, save, warm_cosine
 
 NETWORKS = ("compact", "resnet18")
 PairsOf = Callable[[int], EchoPairs]
 """The batch of a step: the same step always gives the same batch, so that a run can resume."""
 ARITHMETIC = {"cpu": "float32", "cuda": "bfloat16 on a GPU"}
 """Of the network, by where it is trained."""
-
-
-@dataclass(frozen=True)
-class TrainingProgress:
-    """Where the training stands after a step."""
-
-    step: int
-    loss: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +40,7 @@ def pretrain(
     *,
     seed: int,
     checkpoint: Path,
-    report: Callable[[TrainingProgress], None],
+    report: Callable[[TrainingStep], None],
     stream: Stream = prefetched,
 ) -> Pretrained:
     """An encoder trained on the batches `pairs_of(0)`, `pairs_of(1)`, ... made by `stream`.
@@ -80,7 +72,7 @@ def pretrain(
         loss.backward()  # type: ignore[no-untyped-call]
         optimizer.step()
         losses.append(float(loss.item()))
-        report(TrainingProgress(step + 1, losses[-1]))
+        report(TrainingStep(step + 1, losses[-1]))
         if (step + 1) % parameters.checkpoint_steps == 0:
             save(checkpoint, run, losses, network, optimizer)
     return Pretrained(network.cpu().eval(), np.array(losses), arithmetic)

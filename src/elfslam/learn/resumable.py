@@ -6,6 +6,7 @@ import io
 import math
 from collections.abc import Callable, Generator
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
@@ -15,6 +16,14 @@ from torch import nn
 from elfslam.base.errors import StoreError
 
 Batch = TypeVar("Batch")
+
+
+@dataclass(frozen=True)
+class TrainingStep:
+    """Where the training stands after a step."""
+
+    step: int
+    loss: float
 
 
 class Stream(Protocol):

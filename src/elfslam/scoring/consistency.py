@@ -9,7 +9,7 @@ import numpy as np
 from elfslam.base.arrays import F64, I64, Value, array
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import Odometry, Truth
-from elfslam.scoring.alignment import is_sparse
+from elfslam.scoring.errors import is_sparse
 
 REFERENCE_M = 10.0
 """The heading at the start of a displacement is the direction of travel over so much before it."""

@@ -13,7 +13,7 @@ from elfslam.base.values import FloorMap
 from elfslam.scoring import figures
 from elfslam.scoring.figures import WRONG, styled
 from elfslam.scoring.page import Page, Panel, rows_table, save_page
-from elfslam.stages.quality import MapQuality
+from elfslam.stages.floormap import MapQuality
 
 GOOD_MANY = [[0.0, "#e9f4f3"], [0.5, "#5fb4b2"], [1.0, "#0b5f61"]]
 GOOD_FEW = [[0.0, "#e9f4f3"], [0.5, "#e9b872"], [1.0, "#b3261e"]]

@@ -70,10 +70,7 @@ else document.querySelector("header").insertAdjacentHTML("beforeend",
   "<code>elfslam show RUN PAGE.html</code>.</p>");
 </script>"""
 """Figures were drawn while the page was still short of panels: each takes the width it has now."""
-CONFIG = {
-    "responsive": True,
-    "displayModeBar": False,
-}
+CONFIG = {"responsive": True, "displayModeBar": False}
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,10 +196,7 @@ def _panel(panel: Panel, numbers: Iterator[int]) -> str:
     body = panel.body
     if not isinstance(body, str):
         body = body.to_html(
-            full_html=False,
-            include_plotlyjs=False,
-            config=CONFIG,
-            div_id=f"figure-{next(numbers)}",
+            full_html=False, include_plotlyjs=False, config=CONFIG, div_id=f"figure-{next(numbers)}"
         )
     return f'<section class="{kind}"><h2>{html.escape(panel.title)}</h2>{note}{body}</section>'
 

@@ -12,19 +12,17 @@ from elfslam.base.arrays import F64
 from elfslam.base.geometry import compose, interpolate_poses, inverse, path_length_m
 from elfslam.base.values import Fixes, FixStatus, FloorMap, Run, Truth
 from elfslam.scoring import charts, figures
-from elfslam.scoring.alignment import (
-    Alignment,
-    SimilarityTransform,
-    is_sparse,
-    match,
-    place,
-    placement,
-)
 from elfslam.scoring.errors import (
+    Alignment,
     ScoreRow,
+    SimilarityTransform,
     closure_scores,
     fix_scores,
+    is_sparse,
+    match,
     methods,
+    place,
+    placement,
     run_scores,
     score_closures,
     summarise,

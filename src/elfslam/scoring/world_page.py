@@ -206,10 +206,7 @@ def space_figure(world: WorldPlan) -> go.Figure:
         edges.append(_path(raised, SLAM, 5, name="route, at the height of the phone"))
     figure = styled(go.Figure([*meshes, *edges]), height_px=620)
     bare = {"visible": False}
-    camera = {
-        "eye": {"x": -0.82, "y": -1.4, "z": 1.4},
-        "projection": {"type": "orthographic"},
-    }
+    camera = {"eye": {"x": -0.82, "y": -1.4, "z": 1.4}, "projection": {"type": "orthographic"}}
     scene = {"xaxis": bare, "yaxis": bare, "zaxis": bare, "aspectmode": "data", "camera": camera}
     margin = {"l": 0, "r": 0, "t": 0, "b": 0}
     return figure.update_layout(scene=scene, margin=margin, showlegend=False)

@@ -1,1 +1,1 @@
-"""Floor 3: the pipeline put together. Read pipeline.py aloud and you know the method."""
+"""Floor 3: the stages put together. Read pipeline.py aloud and you know the method."""

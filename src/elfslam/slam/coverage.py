@@ -48,12 +48,26 @@ def spans_of(recording: Recording, parameters: MotionParameters) -> dict[str, F6
 def motion_times_s(recording: Recording) -> F64 | None:
     """When motion was measured: by the motion sensors, or else by the device's own odometry.
 
-    Raises InputError where these gave nothing.
+    Of a cropped recording that is when it was in the whole. Raises InputError where these gave
+    nothing.
     """
+    if recording.motion_t_s is not None:
+        return recording.motion_t_s
     motion = recording.imu or recording.odometry
     if motion is not None and len(motion.t_s) == 0:
         raise InputError(f"{recording.name}: wanted rows of motion, got none; record again")
     return None if motion is None else motion.t_s
+
+
+def duration_s(recording: Recording) -> float | None:
+    """How long the motion sensors ran, against which lost samples of the sound are measured.
+
+    Sound whose stretches have times of their own lacks none: it ran for as long as it says.
+    """
+    audio, t_s = recording.audio, motion_times_s(recording)
+    if audio is not None and audio.is_timed:
+        return float(audio.samples.shape[1] / audio.rate_hz)
+    return None if t_s is None else float(t_s[-1])
 
 
 def stretches(t_s: F64, gap_s: float) -> F64:
@@ -81,8 +95,8 @@ def missing_of(
     motion = spans[MOTION]
     ends_s = np.concatenate([each.ravel() for each in spans.values() if echoes or each is motion])
     from_s, until_s = float(ends_s.min()), float(ends_s.max())
-    if recording.kept_s is not None:
-        from_s, until_s = max(from_s, recording.kept_s[0]), min(until_s, recording.kept_s[1])
+    if recording.crop_s is not None:
+        from_s, until_s = max(from_s, recording.crop_s[0]), min(until_s, recording.crop_s[1])
     found = _gaps(MOTION, motion, from_s, until_s, parameters.longest_gap_s)
     if echoes is not None and len(echoes.t_s) > 1:
         heard, wait_s = _heard(echoes.t_s)

@@ -10,9 +10,8 @@ from elfslam.base.arrays import Bool
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import between, compose
 from elfslam.base.values import ECHO_RATE_HZ, Echoes, Odometry, Recording
-from elfslam.slam.coverage import motion_times_s, stretches, within
+from elfslam.slam.coverage import duration_s, motion_times_s, stretches, within
 from elfslam.slam.parameters import Parameters
-from elfslam.slam.trimming import kept_motion, kept_sound
 from elfslam.stages.acoustic_odometry import measure_scale, rescaled, with_prior
 from elfslam.stages.chirp import make_chirp
 from elfslam.stages.echo import Frames, echoes_of, find_frames, frame_facts
@@ -21,24 +20,31 @@ from elfslam.stages.motion import Compass, compass_heading, dead_reckon, nodes_b
 from elfslam.stages.spoofing import Suspicion, nothing_suspect, suspicion
 
 
-def dead_reckoning_nodes(recording: Recording, parameters: Parameters) -> Odometry:
+def dead_reckoned(recording: Recording, parameters: Parameters) -> tuple[Odometry, Compass | None]:
     """Footsteps where there is an IMU, else places along the device's own odometry.
 
-    Where no heading at the start is declared (see `compass_of`), that of the compass is taken.
+    Where no heading at the start is declared (see `compass_of`), that of the compass is taken,
+    which comes with them.
     """
-    recording = kept_motion(recording)
     if recording.imu is not None:
         x_m, y_m, heading_rad = recording.start_pose or (0.0, 0.0, np.nan)
         declared = (x_m, y_m, float(np.nan_to_num(heading_rad)))
         nodes = dead_reckon(recording.imu, parameters.motion, declared)
         compass = compass_of(recording, parameters)
-        return nodes if compass is None else by_compass(nodes, declared, compass, parameters)
+        if compass is not None:
+            nodes = by_compass(nodes, declared, compass, parameters)
+        return nodes, compass
     if recording.odometry is not None:
-        return nodes_by_distance(recording.odometry, parameters.motion.node_spacing_m)
+        return nodes_by_distance(recording.odometry, parameters.motion.node_spacing_m), None
     raise InputError(
         f"{recording.name}: it has neither motion sensors nor odometry; "
         "record accelerometer and gyroscope"
     )
+
+
+def dead_reckoning_nodes(recording: Recording, parameters: Parameters) -> Odometry:
+    """The nodes of a walk as dead reckoning has them."""
+    return dead_reckoned(recording, parameters)[0]
 
 
 def compass_of(recording: Recording, parameters: Parameters) -> Compass | None:
@@ -47,8 +53,7 @@ def compass_of(recording: Recording, parameters: Parameters) -> Compass | None:
     None, too, where nothing of the start is declared and there is no field to go by. Raises
     InputError where a position is declared, and nobody says which way the walk went from there.
     """
-    field, start = recording.magnetometer, recording.start_pose
-    imu = kept_motion(recording).imu
+    imu, field, start = recording.imu, recording.magnetometer, recording.start_pose
     if imu is None or (start is not None and np.isfinite(start[2])):
         return None
     try:
@@ -82,8 +87,8 @@ def extract_echoes(recording: Recording, parameters: Parameters) -> Echoes:
     Where it says when its chirps were played, frames that other phones chirped into are left out.
     """
     frames = _frames(recording, parameters)
-    duration_s, spoiled = _duration_s(recording), _spoiled(frames, parameters)
-    return placeable(recording, echoes_of(frames, parameters.echo, duration_s, spoiled), parameters)
+    ran_s, spoiled = duration_s(recording), _spoiled(frames, parameters)
+    return placeable(recording, echoes_of(frames, parameters.echo, ran_s, spoiled), parameters)
 
 
 def placeable(recording: Recording, echoes: Echoes, parameters: Parameters) -> Echoes:
@@ -97,14 +102,14 @@ def placeable(recording: Recording, echoes: Echoes, parameters: Parameters) -> E
         spans = stretches(t_s, gap_s)
         spans[[0, -1], [0, 1]] += [-gap_s, gap_s]
         inside = within(echoes.t_s, spans)
-    if recording.kept_s is not None:
-        inside &= within(echoes.t_s, np.array([recording.kept_s]))
+    if recording.crop_s is not None:
+        inside &= within(echoes.t_s, np.array([recording.crop_s]))
     if not inside.any():
         raise InputError(
             f"{recording.name}: its sound and its motion do not meet in time; record again, or "
             "choose another stretch"
         )
-    return replace(echoes, t_s=echoes.t_s[inside], samples=echoes.samples[inside])
+    return echoes.chosen(inside)
 
 
 def extract_query_echoes(recording: Recording, parameters: Parameters) -> tuple[Echoes, Suspicion]:
@@ -117,12 +122,12 @@ def extract_query_echoes(recording: Recording, parameters: Parameters) -> tuple[
         return extract_echoes(recording, parameters), nothing_suspect
     lenient = replace(parameters.echo, found_share=0.0, clipped_share=1.0)
     frames = _frames(recording, replace(parameters, echo=lenient))
-    duration_s, spoiled = _duration_s(recording), _spoiled(frames, parameters)
-    facts = frame_facts(frames, lenient, duration_s, recording.gain_db)
-    every = clean = echoes_of(frames, lenient, duration_s)
+    ran_s, spoiled = duration_s(recording), _spoiled(frames, parameters)
+    facts = frame_facts(frames, lenient, ran_s, recording.gain_db)
+    every = clean = echoes_of(frames, lenient, ran_s)
     if spoiled is not None and len(spoiled) >= 2:
         ends = np.isin(np.arange(len(spoiled)), [0, len(spoiled) - 1])  # they say how long it is
-        clean = echoes_of(frames, lenient, duration_s, spoiled & ~ends)
+        clean = echoes_of(frames, lenient, ran_s, spoiled & ~ends)
     return clean, suspicion(facts, every, parameters.spoofing, clean)
 
 
@@ -134,8 +139,8 @@ def apply_acoustic_scale(nodes: Odometry, echoes: Echoes, parameters: Parameters
     if not nodes.scale_sigma:
         return nodes
     chirp = make_chirp(parameters.chirp, ECHO_RATE_HZ)
-    heard = measure_scale(echoes, nodes, chirp, parameters.acoustic_odometry)
-    return rescaled(nodes, with_prior(heard, nodes.scale_sigma))
+    measured = measure_scale(echoes, nodes, chirp, parameters.acoustic_odometry)
+    return rescaled(nodes, with_prior(measured, nodes.scale_sigma))
 
 
 def _frames(recording: Recording, parameters: Parameters) -> Frames:
@@ -145,22 +150,10 @@ def _frames(recording: Recording, parameters: Parameters) -> Frames:
             argument="by",
         )
     chirp = make_chirp(parameters.chirp, recording.audio.rate_hz)
-    audio = kept_sound(recording, recording.audio, _duration_s(recording))
-    return find_frames(audio, chirp, parameters.echo, recording.played_t_s)
+    return find_frames(recording.audio, chirp, parameters.echo, recording.played_t_s)
 
 
 def _spoiled(frames: Frames, parameters: Parameters) -> Bool | None:
     if not frames.scheduled:
         return None
     return spoiled_frames(frames.envelope, frames.arrivals.samples, parameters.medium_access)
-
-
-def _duration_s(recording: Recording) -> float | None:
-    """How long the motion sensors ran, against which lost samples of the sound are measured.
-
-    Sound whose stretches have times of their own lacks none: it ran for as long as it says.
-    """
-    audio, t_s = recording.audio, motion_times_s(recording)
-    if audio is not None and audio.is_timed:
-        return float(audio.samples.shape[1] / audio.rate_hz)
-    return None if t_s is None else float(t_s[-1])

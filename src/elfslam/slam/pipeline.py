@@ -32,13 +32,20 @@ from elfslam.base.values import (
 )
 from elfslam.slam.front_end import (
     apply_acoustic_scale,
+    dead_reckoned,
     dead_reckoning_nodes,
     extract_echoes,
     extract_query_echoes,
 )
 from elfslam.slam.parameters import Parameters
 from elfslam.stages.checkpoints import OnPlan, closures_at, lies_on_plan, on_plan, places_visited
-from elfslam.stages.closure import ClosureParameters, find_closures, joined, sharing_errors
+from elfslam.stages.closure import (
+    ClosureParameters,
+    echo_sequence_similarity,
+    find_closures,
+    joined,
+    sharing_errors,
+)
 from elfslam.stages.device_adaptation import to_map_domain
 from elfslam.stages.feature import Encoder, extract_features
 from elfslam.stages.floormap import trajectory_map
@@ -46,13 +53,12 @@ from elfslam.stages.graph import agreeing, build_graph, optimise
 from elfslam.stages.locate import (
     LocateParameters,
     elf_payload,
-    likeness,
-    means_between,
+    spot_similarity,
     trusted_one_shot,
     without_suspects,
 )
+from elfslam.stages.motion import Compass
 from elfslam.stages.segments import locate_by_segments
-from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.stages.track import Tracker
 
 AS_MAPPED = np.zeros(3)
@@ -64,7 +70,7 @@ SimilarityMaker = Callable[[Recording, Odometry], AnySimilarity]
 
 @dataclass(frozen=True)
 class Sense:
-    """What knows a place again: how similar nodes are, and what then counts as a closure."""
+    """What knows a place again: how alike nodes are, and what then counts as a closure."""
 
     similarity_of: SimilarityMaker
     closure: ClosureParameters
@@ -84,14 +90,14 @@ def map_by_echoes(
     beside: Sequence[Sense] = (),
     announce: Announce = silent,
 ) -> Run:
-    """A walk with sound becomes a straightened trajectory and a map of ELFs.
+    """A walk with sound becomes a corrected trajectory and a map of ELFs.
 
-    Other modalities may close loops `beside` the echoes.
+    Other senses may close loops `beside` the echoes.
     """
     seconds: dict[str, float] = {}
     stage = partial(_stage, seconds, announce)
     with stage("motion"):
-        nodes = dead_reckoning_nodes(recording, parameters)
+        nodes, compass = dead_reckoned(recording, parameters)
     with stage("echoes"):
         echoes = extract_echoes(recording, parameters)
     with stage("step length"):
@@ -102,18 +108,16 @@ def map_by_echoes(
     with stage("similarity"):
         similarity = echo_sequence_similarity(features, nodes)
         similarities = [(similarity, parameters.closure), *_sensed(recording, nodes, beside)]
-    nodes, closures, trajectory = _close_loops(recording, nodes, similarities, parameters, stage)
+    run = _close_loops(recording, nodes, compass, similarities, parameters, stage)
     with stage("map"):
         floor_map = trajectory_map(
-            trajectory,
+            run.trajectory,
             features,
             parameters.floormap,
             parameters_digest=digest(parameters),
             source=recording.name,
         )
-    named = places_visited(recording.checkpoints, trajectory, parameters.checkpoint)
-    evidence = similarity, closures, trajectory, floor_map, echoes, features
-    return Run(recording.name, nodes, *evidence, seconds, named, recording.checkpoints)
+    return replace(run, floor_map=floor_map, echoes=echoes, features=features, seconds=seconds)
 
 
 def map_by(
@@ -123,20 +127,18 @@ def map_by(
     *,
     announce: Announce = silent,
 ) -> Run:
-    """The same with other modalities: whatever makes a similarity between nodes closes the loops.
+    """The same with other senses: whatever makes a similarity between nodes closes the loops.
 
     The run keeps the similarity of the first.
     """
     seconds: dict[str, float] = {}
     stage = partial(_stage, seconds, announce)
     with stage("motion"):
-        nodes = dead_reckoning_nodes(recording, parameters)
+        nodes, compass = dead_reckoned(recording, parameters)
     with stage("similarity"):
         similarities = _sensed(recording, nodes, senses)
-    nodes, closures, trajectory = _close_loops(recording, nodes, similarities, parameters, stage)
-    named = places_visited(recording.checkpoints, trajectory, parameters.checkpoint)
-    evidence = similarities[0][0], closures, trajectory, None, None, None
-    return Run(recording.name, nodes, *evidence, seconds, named, recording.checkpoints)
+    run = _close_loops(recording, nodes, compass, similarities, parameters, stage)
+    return replace(run, seconds=seconds)
 
 
 def _sensed(
@@ -148,20 +150,32 @@ def _sensed(
 def _close_loops(
     recording: Recording,
     nodes: Odometry,
+    compass: Compass | None,
     similarities: Sequence[tuple[AnySimilarity, ClosureParameters]],
     parameters: Parameters,
     stage: Stage,
-) -> tuple[Odometry, Closures, Trajectory]:
-    """What is similar, or was marked by hand, closes loops, and the loops straighten the walk."""
+) -> Run:
+    """What resembles, or was marked by hand, closes loops, and the loops correct the walk."""
+    named = recording.checkpoints
     with stage("closures"):
-        heard = closures_by(nodes, similarities, parameters)
-        marked = closures_at(recording.checkpoints, nodes, parameters.checkpoint)
-        closures = joined([heard, marked])
+        measured = closures_by(nodes, similarities, parameters)
+        closures = joined([measured, closures_at(named, nodes, parameters.checkpoint)])
     with stage("graph"):
-        by_hand = np.arange(len(closures.i)) >= len(heard.i)
-        named = recording.checkpoints
+        by_hand = np.arange(len(closures.i)) >= len(measured.i)
         nodes, trajectory = optimise_walk(nodes, closures, by_hand, named, parameters)
-    return nodes, closures, trajectory
+    return Run(
+        name=recording.name,
+        odometry=nodes,
+        similarity=similarities[0][0],
+        closures=closures,
+        trajectory=trajectory,
+        floor_map=None,
+        echoes=None,
+        features=None,
+        points_of_interest=places_visited(named, trajectory, parameters.checkpoint),
+        checkpoints=named,
+        compass_sigma_rad=None if compass is None else compass.sigma_rad,
+    )
 
 
 def closures_by(
@@ -169,9 +183,9 @@ def closures_by(
     similarities: Sequence[tuple[AnySimilarity, ClosureParameters]],
     parameters: Parameters,
 ) -> Closures:
-    """The closures of one modality after the other.
+    """The closures of one sense after the other.
 
-    What a later one says must fit the walk as the earlier ones straighten it.
+    What a later one says must fit the walk as the earlier ones correct it.
     """
     closures = NO_CLOSURES
     for similarity, known in similarities:
@@ -182,8 +196,40 @@ def closures_by(
     return closures
 
 
+def optimise_walk(
+    nodes: Odometry,
+    closures: Closures,
+    by_hand: Bool,
+    checkpoints: Checkpoints | None,
+    parameters: Parameters,
+) -> tuple[Odometry, Trajectory]:
+    """Pose graph optimisation of a walk: its dead reckoning, and the trajectory that came of it.
+
+    Both in the frame of the floor plan where its walker tapped two places or more on one, and the
+    walk agrees with them; else in that of its start. Closures made `by_hand` (k) are believed at
+    first.
+    """
+    plan = on_plan(checkpoints, nodes, parameters.checkpoint)
+    if plan is not None:
+        laid = _on_plan(plan, closures, by_hand, parameters)
+        if lies_on_plan(checkpoints, laid, parameters.checkpoint):
+            return replace(nodes, world_from_body=plan.nodes.world_from_body[1:]), laid
+    graph = build_graph(nodes, closures)
+    return nodes, optimise(graph, nodes.t_s, parameters.graph, by_hand=by_hand)
+
+
+def _on_plan(plan: OnPlan, closures: Closures, by_hand: Bool, parameters: Parameters) -> Trajectory:
+    """The footsteps of a pose graph that begins amid the taps on the plan and bends to them."""
+    own = replace(closures, i=closures.i + 1, j=closures.j + 1)
+    graph = build_graph(plan.nodes, joined([own, plan.closures]))
+    taps_too = np.concatenate([by_hand, plan.believed])
+    solved = optimise(graph, plan.nodes.t_s, parameters.graph, by_hand=taps_too)
+    weights = solved.closure_weights[: len(closures.i)]
+    return replace(solved.chosen(slice(1, None)), closure_weights=weights)
+
+
 def no_similarity(recording: Recording, nodes: Odometry) -> MeanSimilarity:
-    """Nothing is similar: mapping by this is dead reckoning alone."""
+    """Nothing resembles anything: mapping by this is dead reckoning alone."""
     return MeanSimilarity(np.zeros((len(nodes.t_s) - 1, 1), dtype=np.float32), kind="motion")
 
 
@@ -208,17 +254,17 @@ def locate(
     if mode is Mode.ONE_SHOT:
         return trusted_one_shot(features, floor_map, parameters.locate, suspect)
     nodes = dead_reckoning_nodes(recording, parameters)
-    scores = footstep_likeness(features, nodes, floor_map, parameters.locate)
+    scores = footstep_similarity(features, nodes, floor_map, parameters.locate)
     doubt = suspect(nodes.t_s)
     return locate_walk(nodes, scores, floor_map, parameters, mode=mode, seed=seed, suspect=doubt)
 
 
-def footstep_likeness(
+def footstep_similarity(
     features: Features, nodes: Odometry, floor_map: FloorMap, parameters: LocateParameters
 ) -> F32:
-    """How similar each spot (m) is to each stretch between footsteps (n-1); NaN where silent."""
+    """How alike each spot (m) is to each stretch between footsteps (n-1); NaN where silent."""
     payload = elf_payload(floor_map, features.encoder, features.vectors.shape[1])
-    return likeness(means_between(features, nodes.t_s, parameters.fewest_echoes), payload)
+    return spot_similarity(features.means_between(nodes.t_s, parameters.fewest_echoes), payload)
 
 
 def locate_walk(
@@ -251,40 +297,3 @@ def _stage(seconds: dict[str, float], announce: Announce, name: str) -> Iterator
     start = time.perf_counter()
     yield
     seconds[name] = time.perf_counter() - start
-
-
-def optimise_walk(
-    nodes: Odometry,
-    closures: Closures,
-    by_hand: Bool,
-    checkpoints: Checkpoints | None,
-    parameters: Parameters,
-) -> tuple[Odometry, Trajectory]:
-    """Pose graph optimisation of a walk: its dead reckoning, and the trajectory that came of it.
-
-    Both in the frame of the floor plan where its walker tapped two places or more on one, and the
-    walk agrees with them; else in that of its start. Closures made `by_hand` (k) are believed at
-    first.
-    """
-    plan = on_plan(checkpoints, nodes, parameters.checkpoint)
-    if plan is not None:
-        laid = _on_plan(plan, closures, by_hand, parameters)
-        if lies_on_plan(checkpoints, laid, parameters.checkpoint):
-            return replace(nodes, world_from_body=plan.nodes.world_from_body[1:]), laid
-    graph = build_graph(nodes, closures)
-    return nodes, optimise(graph, nodes.t_s, parameters.graph, by_hand=by_hand)
-
-
-def _on_plan(plan: OnPlan, closures: Closures, by_hand: Bool, parameters: Parameters) -> Trajectory:
-    """The footsteps of a pose graph that begins amid the taps on the plan and bends to them."""
-    own = replace(closures, i=closures.i + 1, j=closures.j + 1)
-    graph = build_graph(plan.nodes, joined([own, plan.closures]))
-    taps_too = np.concatenate([by_hand, plan.believed])
-    solved = optimise(graph, plan.nodes.t_s, parameters.graph, by_hand=taps_too)
-    return replace(
-        solved,
-        t_s=solved.t_s[1:],
-        world_from_body=solved.world_from_body[1:],
-        covariance=solved.covariance[1:],
-        closure_weights=solved.closure_weights[: len(closures.i)],
-    )

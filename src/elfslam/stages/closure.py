@@ -6,23 +6,39 @@ reckoning rules out those it cannot have missed by so much, and of two candidate
 the walker at two places at once only the clearly better one stays. The graph has the last word.
 
 Walked back, the two sides of a hall that is nearly the same after half a turn sound alike, and an
-ELF hardly knows its own place from the other side. So stretches walked back must be more similar.
+ELF hardly knows its own place from the other side. So stretches walked back must be more alike.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import TypeVar
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 from scipy.spatial import cKDTree
 from scipy.stats import chi2
 
-from elfslam.base.arrays import F32, F64, I64, Bool
+from elfslam.base.arrays import F32, F64, I64, Bool, Value, array
 from elfslam.base.geometry import wrap_angle
 from elfslam.base.parameters import parameter
-from elfslam.base.values import AnySimilarity, Closures, Odometry
+from elfslam.base.values import AnySimilarity, Closures, Features, MeanSimilarity, Odometry
+
+
+def footstep_means(features: Features, footsteps_t_s: F64) -> F32:
+    """Mean feature (n-1, d) of the echoes between footsteps k and k+1; zero where there is none.
+
+    The mean of unit vectors is kept as it is: its dot products are then exactly the means of the
+    pairwise cosines, which is the ESS (paper, section 5.3.1).
+    """
+    return np.nan_to_num(features.means_between(footsteps_t_s))
+
+
+def echo_sequence_similarity(features: Features, nodes: Odometry) -> MeanSimilarity:
+    """ESS between all footsteps, symmetric."""
+    means = footstep_means(features, nodes.t_s)
+    return MeanSimilarity(means, kind=f"elf:{features.encoder}")
 
 
 class Drift:
@@ -115,6 +131,7 @@ AGAIN, BACK = 1, -1
 Rows = Callable[[int, int], F32]
 """The similarities of some footsteps, from one to another without the last, to all others."""
 DEGREES_OF_FREEDOM = 3
+Found = TypeVar("Found", bound=Value)
 
 
 @dataclass(frozen=True)
@@ -151,23 +168,18 @@ class ClosureParameters:
     )
 
 
-@dataclass(frozen=True)
-class ClosureCandidates:
+@dataclass(frozen=True, eq=False)
+class ClosureCandidates(Value):
     """Pairs i < j (k) with their similarity, the partner between footsteps, and the way walked.
 
     Between two walks i is a footstep of the one and j of the other, in any order.
     """
 
-    i: I64
-    j: I64
-    score: F64
-    line_j: F64
-    direction: I64
-
-    def chosen(self, rows: Bool) -> ClosureCandidates:
-        """Those of some rows."""
-        i, j, score = self.i[rows], self.j[rows], self.score[rows]
-        return ClosureCandidates(i, j, score, self.line_j[rows], self.direction[rows])
+    i: I64 = array("k", dtype=np.int64)
+    j: I64 = array("k", dtype=np.int64)
+    score: F64 = array("k")
+    line_j: F64 = array("k")
+    direction: I64 = array("k", dtype=np.int64)
 
 
 def find_closures(
@@ -237,10 +249,7 @@ def _all_ridges(
         for first in range(0, count, block)
         for direction in (AGAIN, BACK)
     ]
-    names = [item.name for item in fields(ClosureCandidates)]
-    return ClosureCandidates(
-        *(np.concatenate([getattr(part, name) for part in parts]) for name in names)
-    )
+    return joined(parts)
 
 
 def has_full_window(found: ClosureCandidates, count: int, parameters: ClosureParameters) -> Bool:
@@ -263,7 +272,7 @@ def within_gate(found: ClosureCandidates, drift: Drift, parameters: ClosureParam
 def passes_ratio_test(
     found: ClosureCandidates, drift: Drift, parameters: ClosureParameters
 ) -> Bool:
-    """Ratio test: which candidates (k) have no competitor of their footstep that contradicts them.
+    """Ratio test: which candidates (k) have no competing one of their footstep.
 
     Two contradict each other where dead reckoning excludes that their other ends are one place.
     The better one stays if it leads by the margin, else neither.
@@ -275,10 +284,10 @@ def passes_ratio_test(
             one, two = order[:-distance], order[distance:]
             same = shared[one] == shared[two]
             one, two = one[same], two[same]
-            rivals = _contradict(other, found.direction, one, two, drift, parameters)
+            competing = _contradict(other, found.direction, one, two, drift, parameters)
             lead = found.score[one] - found.score[two]
-            beaten[one[rivals & (lead < parameters.rival_margin)]] = True
-            beaten[two[rivals & (-lead < parameters.rival_margin)]] = True
+            beaten[one[competing & (lead < parameters.rival_margin)]] = True
+            beaten[two[competing & (-lead < parameters.rival_margin)]] = True
     return ~beaten
 
 
@@ -375,10 +384,10 @@ def _block_rows(count: int) -> int:
     return max(4_000_000 // max(count, 1), 64)
 
 
-def joined(parts: Sequence[Closures]) -> Closures:
-    """The closures of several modalities as one."""
+def joined(parts: Sequence[Found]) -> Found:
+    """The closures, or candidates, of several parts as one."""
     columns = (
         np.concatenate([getattr(part, column.name) for part in parts])
-        for column in fields(Closures)
+        for column in fields(parts[0])  # type: ignore[arg-type]
     )
-    return Closures(*columns)
+    return type(parts[0])(*columns)

@@ -19,7 +19,7 @@ from scipy.ndimage import distance_transform_edt
 
 from elfslam.base.arrays import F32, F64, I64, Value, array
 from elfslam.base.errors import NoAnswerError
-from elfslam.base.geometry import wrap_angle
+from elfslam.base.geometry import mean_pose, wrap_angle
 from elfslam.base.grid import FloorGrid, resampled
 from elfslam.base.parameters import parameter
 
@@ -277,7 +277,7 @@ def _modes(
         near = _about(candidates.poses, left, parameters)
         share = float(left[near].sum())
         weights = left[near] / share
-        pose, spread = _mean(candidates.poses[near], weights)
+        pose, spread = mean_pose(candidates.poses[near], weights)
         scale = float(weights @ candidates.scale[near])
         found.append((share, pose, scale, spread))
         left[near] = 0.0
@@ -294,18 +294,8 @@ def _about(poses: F64, left: F64, parameters: AnchoringParameters) -> I64:
         near = np.flatnonzero(
             (gap_m <= parameters.near_m) & (turn <= parameters.near_rad) & (left > 0)
         )
-        centre, _ = _mean(poses[near], left[near] / left[near].sum())
+        centre, _ = mean_pose(poses[near], left[near] / left[near].sum())
     return near
-
-
-def _mean(poses: F64, weights: F64) -> tuple[F64, F64]:
-    """Mean pose and covariance (3, 3)."""
-    first = poses[int(np.argmax(weights))]
-    apart = np.column_stack([poses[:, :2] - first[:2], wrap_angle(poses[:, 2] - first[2])])
-    shift = weights @ apart
-    spread = (apart - shift).T @ ((apart - shift) * weights[:, None])
-    mean = first + shift
-    return np.array([*mean[:2], float(wrap_angle(mean[2]))]), spread
 
 
 def _of_origin(pose: F64, scale: float, middle: F64) -> F64:

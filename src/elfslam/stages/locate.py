@@ -13,6 +13,7 @@ import numpy as np
 
 from elfslam.base.arrays import F32, F64, Bool
 from elfslam.base.errors import InputError, ParameterError
+from elfslam.base.fixes import NOWHERE, Fix, scored_fix
 from elfslam.base.parameters import parameter
 from elfslam.base.values import Features, Fixes, FixStatus, FloorMap, Payload
 
@@ -30,7 +31,7 @@ class LocateParameters:
         0.6, "", "no spot more alike than this is UNKNOWN_PLACE", -1.0, 1.0
     )
     temperature: float = parameter(
-        0.05, "", "softmax temperature: a spot's weight is exp(likeness / this)", 1e-4, 10.0
+        0.05, "", "softmax temperature: a spot's weight is exp(similarity / this)", 1e-4, 10.0
     )
     near_m: float = parameter(
         1.0, "m", "spots this close to the best count as the same place", 0.05, 100.0
@@ -56,9 +57,9 @@ def locate_one_shot(features: Features, floor_map: FloorMap, parameters: LocateP
     start_s, end_s = features.t_s[[0, -1]]
     count = int((end_s - start_s) / parameters.window_s) + 1
     edges = start_s + parameters.window_s * np.arange(count + 1)
-    means = means_between(features, edges, parameters.fewest_echoes)
+    means = features.means_between(edges, parameters.fewest_echoes)
     middle_s = (edges[:-1] + edges[1:]) / 2
-    return fixes_of(middle_s, likeness(means, payload), floor_map, parameters)
+    return fixes_of(middle_s, spot_similarity(means, payload), floor_map, parameters)
 
 
 def trusted_one_shot(
@@ -97,18 +98,7 @@ def without_suspects(fixes: Fixes, suspect: Bool) -> Fixes:
     )  # fmt: skip
 
 
-def means_between(features: Features, edges_s: F64, fewest: int) -> F32:
-    """Mean features (n-1, d) between consecutive times (n); NaN where echoes are fewer."""
-    stretch = np.searchsorted(edges_s, features.t_s, side="right") - 1
-    inside = (stretch >= 0) & (stretch < len(edges_s) - 1)
-    sums = np.zeros((len(edges_s) - 1, features.vectors.shape[1]))
-    np.add.at(sums, stretch[inside], features.vectors[inside])
-    counts = np.bincount(stretch[inside], minlength=len(sums))
-    means = sums / np.where(counts >= fewest, counts, np.nan)[:, None]
-    return np.asarray(means, np.float32)
-
-
-def likeness(means: F32, payload: Payload) -> F32:
+def spot_similarity(means: F32, payload: Payload) -> F32:
     """Cosines (n, m) of mean features (n, d) with those of a map's spots; rows of NaN stay so."""
     return np.asarray(_directions(means) @ _directions(payload.vectors).T)
 
@@ -139,25 +129,8 @@ def elf_payload(floor_map: FloorMap, encoder: str, size: int) -> Payload:
     return payload
 
 
-Fix = tuple[F64, float, F64, float, int]
-NOWHERE = (np.full(2, np.nan), np.nan, np.full((2, 2), np.nan))
-
-
 def _fix(scores: F32, floor_map: FloorMap, parameters: LocateParameters) -> Fix:
-    best = int(np.argmax(scores))
-    if np.isnan(scores[best]):
+    if np.isnan(scores[int(np.argmax(scores))]):
         return *NOWHERE, np.nan, int(FixStatus.NO_ECHO)
-    if scores[best] < parameters.unknown_below:
-        return *NOWHERE, float(scores[best]), int(FixStatus.UNKNOWN_PLACE)
-    belief = np.exp((scores - scores[best]).astype(np.float64) / parameters.temperature)
-    near = np.linalg.norm(floor_map.xy_m - floor_map.xy_m[best], axis=1) <= parameters.near_m
-    clear = belief[near].sum() >= parameters.ambiguous_below * belief.sum()
-    status = FixStatus.OK if clear else FixStatus.AMBIGUOUS
-    used = near if clear else np.ones_like(near)
-    share = belief[used] / belief[used].sum()
-    xy = share @ floor_map.xy_m[used]
-    offset = floor_map.xy_m[used] - xy
-    covariance = np.einsum("k,ki,kj->ij", share, offset, offset) + floor_map.covariance_m2[best]
-    covariance = covariance + parameters.sigma_floor_m**2 * np.eye(2)
-    heading = np.angle(share @ np.exp(1j * floor_map.heading_rad[used]))
-    return xy, float(heading), covariance, float(scores[best]), int(status)
+    known = floor_map.xy_m, floor_map.heading_rad, floor_map.covariance_m2
+    return scored_fix(scores, *known, parameters)

@@ -1,8 +1,8 @@
 """Relative pose of two maps by voting over matched places, accepted by a ratio test.
 
 Each pair of places that sound alike votes for a placement. The placements that the votes gather
-around are judged as a whole: wherever the walks then cover the same ground they must be nearly as
-similar as each is to itself, over enough ground; and no other placement may do as well.
+around are judged as a whole: wherever the walks then cover the same ground they must resemble each
+other, nearly as each resembles itself, over enough ground; and no other placement may do as well.
 That is what tells a place from its mirror image, and one room from another like it.
 """
 
@@ -14,15 +14,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from elfslam.base.arrays import F32, F64, I64, Bool, Value, array
+from elfslam.base.arrays import C128, F32, F64, I64, Bool, Value, array
 from elfslam.base.geometry import compose, inverse, wrap_angle
 from elfslam.base.parameters import parameter
 from elfslam.base.values import Closures
 
-C128 = npt.NDArray[np.complex128]
 AHEAD_M = 1.0
 """A pose counts as two points, itself and one this far ahead: so that headings have a say."""
 REACH_M = (2.0, 1.5, 1.0, 0.8, 0.8, 0.8)
@@ -60,16 +58,16 @@ class AlignmentParameters:
     )
     rival_m: float = parameter(1.5, "m", "a placement this far off is another one", 0.1, 100.0)
     least_lead: float = parameter(
-        2.5, "sigma", "by how much the best must beat every rival, place by place", 0, 100
+        2.5, "sigma", "by how much the best must beat any competing one, place by place", 0, 100
     )
     rival_share: float = parameter(
-        0.5, "", "with less than this share of the best's evidence it is no rival", 0.0, 1.0
+        0.5, "", "with less than this share of the best's evidence it does not compete", 0.0, 1.0
     )
 
 
 @dataclass(frozen=True, eq=False)
 class WalkPair(Value):
-    """Footsteps of walks that share a frame (n), those of one more (m), and how similar they are.
+    """Footsteps of walks that share a frame (n), those of one more (m), and how alike they are.
 
     The links sound alike over a long sequence: footsteps i of the one and j of the other, in any
     order. `sigma_m` says how far either side may be bent.
@@ -86,8 +84,8 @@ class WalkPair(Value):
 class Registration(Value):
     """The best placement, the evidence for it, and why it is not believed ("" where it is).
 
-    `evidence` sums the similarity over footsteps, `lead` is in standard errors (infinite without
-    a competing placement).
+    `evidence` sums the resemblance over footsteps, `lead` is in standard errors (infinite without
+    a competing one).
     """
 
     one_from_other: F64 = array(3)
@@ -100,7 +98,7 @@ class Registration(Value):
 
 @dataclass(frozen=True, eq=False)
 class ScoredPlacement:
-    """A placement (3), the similarity (m) found there (NaN off common ground), its evidence."""
+    """A placement (3), the resemblance (m) found there (NaN off common ground), its evidence."""
 
     placement: F64
     found: F64
@@ -110,7 +108,7 @@ class ScoredPlacement:
 def align(meeting: WalkPair, usual: float, parameters: AlignmentParameters) -> Registration:
     """The best placement of the other walk, with a refusal where the evidence falls short.
 
-    `usual` is the similarity of these walks to themselves.
+    `usual` is the resemblance of these walks to themselves.
     """
     ranked = _ranked(meeting, usual, parameters)
     if not ranked or ranked[0].evidence <= 0:
@@ -120,13 +118,13 @@ def align(meeting: WalkPair, usual: float, parameters: AlignmentParameters) -> R
     places = len(np.unique(_places(best, meeting)[known]))
     resemblance = float(best.found[known].mean() / usual)
     distinct_m = parameters.rival_m + 2 * meeting.sigma_m
-    rivals = [
+    competing = [
         each
         for each in ranked[1:]
         if each.evidence >= parameters.rival_share * best.evidence
         and _apart_m(each.placement, best.placement, meeting) > distinct_m
     ]
-    leads = [_lead(best, rival, meeting) for rival in rivals]
+    leads = [_lead(best, other, meeting) for other in competing]
     lead = min(leads, default=np.inf)
     refusal = ""
     if places < parameters.least_places:
@@ -136,8 +134,8 @@ def align(meeting: WalkPair, usual: float, parameters: AlignmentParameters) -> R
     elif best.evidence < parameters.least_evidence:
         refusal = f"{places} m2 in common resemble it too little"
     elif lead < parameters.least_lead:
-        rival = rivals[int(np.argmin(leads))]
-        apart_m = _apart_m(rival.placement, best.placement, meeting)
+        other = competing[int(np.argmin(leads))]
+        apart_m = _apart_m(other.placement, best.placement, meeting)
         refusal = f"a placement {apart_m:.1f} m off fits nearly as well"
     return Registration(best.placement, places, resemblance, lead, best.evidence, refusal)
 
@@ -145,7 +143,7 @@ def align(meeting: WalkPair, usual: float, parameters: AlignmentParameters) -> R
 def usual_resemblance(
     poses: F64, scores: F32, apart: int, parameters: AlignmentParameters
 ) -> float | None:
-    """Similarity of a walk (n, 3) to itself where it comes back, by its scores (n, n).
+    """Resemblance of a walk (n, 3) to itself where it comes back, by its scores (n, n).
 
     Neighbours less than `apart` footsteps apart do not count; None where it never comes back.
     """
@@ -197,7 +195,7 @@ def _ranked(
 def _judged(
     placement: F64, meeting: WalkPair, usual: float, parameters: AlignmentParameters
 ) -> ScoredPlacement:
-    """A placement with its evidence: less than half the usual similarity counts against it."""
+    """A placement with its evidence: who resembles less than half as usual counts against it."""
     there = compose(placement, meeting.other)
     found = resemblances(meeting.one, there, meeting.scores, parameters)
     return ScoredPlacement(placement, found, float(np.nansum(found - usual / 2)))
@@ -247,17 +245,17 @@ def _places(judged: ScoredPlacement, meeting: WalkPair) -> I64:
     return np.asarray(np.unique(cells, axis=0, return_inverse=True)[1]).reshape(-1)
 
 
-def _lead(best: ScoredPlacement, rival: ScoredPlacement, meeting: WalkPair) -> float:
-    """How surely the best beats a competing placement: its mean lead per place, in standard errors.
+def _lead(best: ScoredPlacement, other: ScoredPlacement, meeting: WalkPair) -> float:
+    """How surely the best beats a competing one: its mean lead per place, in standard errors.
 
     Nothing is sure where they share hardly any ground.
     """
-    both: Bool = np.isfinite(best.found) & np.isfinite(rival.found)
+    both: Bool = np.isfinite(best.found) & np.isfinite(other.found)
     place = _places(best, meeting)[both]
     count = np.bincount(place)
     if (count > 0).sum() < FEWEST_PLACES:
         return 0.0
-    sums = np.bincount(place, (best.found - rival.found)[both])
+    sums = np.bincount(place, (best.found - other.found)[both])
     lead = sums[count > 0] / count[count > 0]
     error = lead.std(ddof=1) / np.sqrt(len(lead))
     return float(lead.mean() / max(error, 1e-9))

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from elfslam.base.arrays import F64, I64, Value, array
-from elfslam.base.geometry import between, compose, wrap_angle
+from elfslam.base.geometry import between, compose, mean_pose
 from elfslam.base.grid import FloorGrid
 from elfslam.base.parameters import parameter
 from elfslam.base.values import Odometry, Trajectory
@@ -26,9 +26,9 @@ from elfslam.base.values import Odometry, Trajectory
 class MapMatchingParameters:
     """How a walk is followed through a plan."""
 
-    particles: int = parameter(4000, "", "guesses of the walk", 10, 1_000_000)
+    particles: int = parameter(4000, "", "particles of the walk", 10, 1_000_000)
     step_noise: float = parameter(
-        0.5, "", "share of the stated noise of steps that guesses differ by", 0.01, 10.0
+        0.5, "", "share of the stated noise of steps that particles differ by", 0.01, 10.0
     )
     scale_sigma: float = parameter(
         0.02, "", "relative error of the walk's length, one sigma", 0.0, 0.2
@@ -45,7 +45,7 @@ class MapMatchingParameters:
 
 
 @dataclass(frozen=True, eq=False)
-class Guesses(Value):
+class Particles(Value):
     """Poses (p, 3) of all particles, their scale, how their heading drifts, and log weight."""
 
     poses: F64 = array("p", 3)
@@ -97,23 +97,23 @@ def follow_ground(
 ) -> Followed:
     """The walk of `nodes` from about `start` (3, with its covariance) over standing ground.
 
-    The moves are those between the nodes, each with its step's sigmas; straightened poses serve as
+    The moves are those between the nodes, each with its step's sigmas; corrected poses serve as
     well as reckoned ones. Everything in the frame of the plan.
     """
     gaps = gaps_of(ground, parameters.reach_m)
     moves = between(nodes.world_from_body[:-1], nodes.world_from_body[1:])
     sigma = nodes.step_sigma * [parameters.step_noise, parameters.step_noise, 1.0]
     drift_radps = nodes.heading_drift_sigma_radps
-    guesses = _first(start, start_covariance, drift_radps, parameters, generator)
-    past, parents = [guesses.poses], []
+    particles = _first(start, start_covariance, drift_radps, parameters, generator)
+    past, parents = [particles.poses], []
     for move, errs, lasting_s in zip(moves, sigma, np.diff(nodes.t_s), strict=True):
-        moved = _moved(guesses, move, errs, lasting_s, generator)
-        guesses = _weighed(moved, gaps, parameters)
-        parent = _survivors(guesses, generator)
-        guesses = _chosen(guesses, parent)
-        past.append(guesses.poses)
+        moved = _moved(particles, move, errs, lasting_s, generator)
+        particles = _weighed(moved, gaps, parameters)
+        parent = _survivors(particles, generator)
+        particles = _chosen(particles, parent)
+        past.append(particles.poses)
         parents.append(parent)
-    poses, covariance = _remembered(past, parents, _weights(guesses))
+    poses, covariance = _remembered(past, parents, _weights(particles))
     covariance[:, [0, 1], [0, 1]] += parameters.error_m**2
     off = gaps.at(poses[:, :2]) > 2 * parameters.error_m
     return Followed(poses, covariance, float(off.mean()))
@@ -132,64 +132,55 @@ def _first(
     drift_sigma_radps: float,
     parameters: MapMatchingParameters,
     generator: np.random.Generator,
-) -> Guesses:
+) -> Particles:
     count = parameters.particles
     poses = generator.multivariate_normal(start, covariance, count)
     scale = 1 + parameters.scale_sigma * generator.standard_normal(count)
     drift_radps = drift_sigma_radps * generator.standard_normal(count)
-    return Guesses(poses, scale, drift_radps, np.zeros(count))
+    return Particles(poses, scale, drift_radps, np.zeros(count))
 
 
 def _moved(
-    guesses: Guesses, move: F64, sigma: F64, lasting_s: float, generator: np.random.Generator
-) -> Guesses:
-    """Each guess moved by the step as it may have been."""
-    steps = move + sigma * generator.standard_normal(guesses.poses.shape)
-    steps[:, 2] += guesses.drift_radps * lasting_s
-    steps[:, :2] *= guesses.scale[:, None]
-    return replace(guesses, poses=compose(guesses.poses, steps))
+    particles: Particles, move: F64, sigma: F64, lasting_s: float, generator: np.random.Generator
+) -> Particles:
+    """Each particle moved by the step as it may have been."""
+    steps = move + sigma * generator.standard_normal(particles.poses.shape)
+    steps[:, 2] += particles.drift_radps * lasting_s
+    steps[:, :2] *= particles.scale[:, None]
+    return replace(particles, poses=compose(particles.poses, steps))
 
 
-def _weighed(guesses: Guesses, gaps: Gaps, parameters: MapMatchingParameters) -> Guesses:
-    gap = gaps.at(guesses.poses[:, :2]) / parameters.error_m
-    return replace(guesses, log_weight=guesses.log_weight - parameters.say * gap**2 / 2)
+def _weighed(particles: Particles, gaps: Gaps, parameters: MapMatchingParameters) -> Particles:
+    gap = gaps.at(particles.poses[:, :2]) / parameters.error_m
+    return replace(particles, log_weight=particles.log_weight - parameters.say * gap**2 / 2)
 
 
-def _weights(guesses: Guesses) -> F64:
-    weight = np.exp(guesses.log_weight - guesses.log_weight.max())
+def _weights(particles: Particles) -> F64:
+    weight = np.exp(particles.log_weight - particles.log_weight.max())
     return np.asarray(weight / weight.sum())
 
 
-def _survivors(guesses: Guesses, generator: np.random.Generator) -> I64:
+def _survivors(particles: Particles, generator: np.random.Generator) -> I64:
     """Indices of the particles that go on: all, until half of their worth is lost."""
-    weight, count = _weights(guesses), len(guesses.poses)
+    weight, count = _weights(particles), len(particles.poses)
     if 1 / np.sum(weight**2) > count / 2:
         return np.arange(count)
     ladder = (generator.random() + np.arange(count)) / count
     return np.minimum(np.searchsorted(np.cumsum(weight), ladder), count - 1)
 
 
-def _chosen(guesses: Guesses, parent: I64) -> Guesses:
+def _chosen(particles: Particles, parent: I64) -> Particles:
     same = bool((np.diff(parent) == 1).all())
-    weight = guesses.log_weight if same else np.zeros(len(parent))
-    kept = guesses.poses[parent], guesses.scale[parent], guesses.drift_radps[parent]
-    return Guesses(*kept, weight)
+    weight = particles.log_weight if same else np.zeros(len(parent))
+    kept = particles.poses[parent], particles.scale[parent], particles.drift_radps[parent]
+    return Particles(*kept, weight)
 
 
 def _remembered(past: list[F64], parents: list[I64], weight: F64) -> tuple[F64, F64]:
     """Mean poses (n, 3) and covariances (n, 3, 3) of the pasts of those who are left."""
     row, told = np.arange(len(weight)), []
     for poses, parent in zip(past[::-1], [*parents[::-1], row], strict=True):
-        told.append(_mean(poses[row], weight))
+        told.append(mean_pose(poses[row], weight))
         row = parent[row]
     told.reverse()
     return np.array([pose for pose, _ in told]), np.array([spread for _, spread in told])
-
-
-def _mean(poses: F64, weight: F64) -> tuple[F64, F64]:
-    first = poses[int(np.argmax(weight))]
-    apart = np.column_stack([poses[:, :2] - first[:2], wrap_angle(poses[:, 2] - first[2])])
-    shift = weight @ apart
-    mean_normalised, mean = apart - shift, first + shift
-    mean[2] = wrap_angle(mean[2])
-    return mean, mean_normalised.T @ (mean_normalised * weight[:, None])

@@ -11,14 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from elfslam.base.arrays import F32, F64, I64, Bool, Value, array
+from elfslam.base.arrays import C128, F32, F64, I64, Bool, Value, array
+from elfslam.base.fixes import NOWHERE, Fix, scored_fix
 from elfslam.base.geometry import wrap_angle
 from elfslam.base.parameters import parameter
 from elfslam.base.values import Fixes, FixStatus, FloorMap, Odometry
 
-C128 = npt.NDArray[np.complex128]
 JUMP_M = 1.5
 """Consecutive spots of a mapped walk never lie further apart."""
 SPACING_M = 0.1
@@ -38,10 +37,10 @@ class SegmentParameters:
         0.15, "", "steps may be this much longer or shorter than reckoned", 0.0, 0.9
     )
     unknown_below: float = parameter(
-        0.47, "", "mean likeness of the best stretch below this is UNKNOWN_PLACE", -1.0, 1.0
+        0.47, "", "mean similarity of the best stretch below this is UNKNOWN_PLACE", -1.0, 1.0
     )
     temperature: float = parameter(
-        0.025, "", "softmax temperature of the mean likeness", 1e-4, 10.0
+        0.025, "", "softmax temperature of the mean similarity", 1e-4, 10.0
     )
     near_m: float = parameter(
         1.0, "m", "stretches that end this close to the best one are one place", 0.05, 100
@@ -148,10 +147,6 @@ def _path(floor_map: FloorMap, rows: I64, way: int) -> tuple[F64, F64, I64]:
     return placed, wrap_angle(floor_map.heading_rad[spot] + turned), spot
 
 
-Fix = tuple[F64, float, F64, float, int]
-NOWHERE = (np.full(2, np.nan), np.nan, np.full((2, 2), np.nan))
-
-
 def _fix(
     curve_m: F64, scores: F32, paths: Paths, floor_map: FloorMap, parameters: SegmentParameters
 ) -> Fix:
@@ -161,23 +156,8 @@ def _fix(
     end, alike = _candidates(curve_m, scores, heard, paths, parameters)
     if not len(end):
         return *NOWHERE, np.nan, int(FixStatus.UNKNOWN_PLACE)
-    best = int(np.argmax(alike))
-    if alike[best] < parameters.unknown_below:
-        return *NOWHERE, float(alike[best]), int(FixStatus.UNKNOWN_PLACE)
-    belief = np.exp((alike - alike[best]).astype(np.float64) / parameters.temperature)
-    end_m = paths.xy_m[end]
-    near: Bool = np.linalg.norm(end_m - end_m[best], axis=1) <= parameters.near_m
-    clear = belief[near].sum() >= parameters.ambiguous_below * belief.sum()
-    used = near if clear else np.ones_like(near)
-    share = belief[used] / belief[used].sum()
-    xy = share @ end_m[used]
-    offset = end_m[used] - xy
-    covariance = np.einsum("k,ki,kj->ij", share, offset, offset)
-    covariance += floor_map.covariance_m2[paths.spot[end[best]]]
-    covariance += parameters.sigma_floor_m**2 * np.eye(2)
-    heading = float(np.angle(share @ np.exp(1j * paths.heading_rad[end[used]])))
-    status = FixStatus.OK if clear else FixStatus.AMBIGUOUS
-    return xy, heading, covariance, float(alike[best]), int(status)
+    covariances_m2 = floor_map.covariance_m2[paths.spot[end]]
+    return scored_fix(alike, paths.xy_m[end], paths.heading_rad[end], covariances_m2, parameters)
 
 
 def _candidates(
@@ -191,7 +171,7 @@ def _candidates(
     walked_m = np.concatenate([[0.0], np.cumsum(steps_m)])
     reach = parameters.scale_reach if parameters.scales > 1 else 0.0
     along = np.take(scores[heard], paths.spot, axis=1)
-    ends, likenesses = [], []
+    ends, similarities = [], []
     for scale in np.linspace(1 - reach, 1 + reach, parameters.scales):
         places = np.round(scale * walked_m / SPACING_M).astype(np.int64)
         off_m = shape_errors(paths.xy_m, places, scale * curve_m)
@@ -199,5 +179,5 @@ def _candidates(
         begin = begin[paths.first[begin] == paths.first[begin + places[-1]]]
         alike = [row[begin + place] for row, place in zip(along, places[heard], strict=True)]
         ends.append(begin + places[-1])
-        likenesses.append(np.mean(alike, axis=0))
-    return np.concatenate(ends), np.concatenate(likenesses)
+        similarities.append(np.mean(alike, axis=0))
+    return np.concatenate(ends), np.concatenate(similarities)

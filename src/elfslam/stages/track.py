@@ -1,9 +1,9 @@
-"""Particle filter for tracking: particles moved by footsteps and weighted by echoes.
+"""Tracking by a particle filter: particles moved by footsteps and weighed by echoes.
 
 A particle filter (Thrun, Burgard and Fox, Probabilistic Robotics, chapter 8.3, with particles
-drawn from the measurement as in Mixture-MCL). Each guess has its own heading and its own length of
-step, so neither has to be known. At every footstep a few particles are drawn anew from what the
-echoes alone say: so it starts anywhere, and a wrong fix is not for ever.
+drawn from the measurement as in Mixture-MCL). Each particle has its own heading and length of step,
+so neither has to be known. At every footstep a few particles are drawn anew from what the echoes
+alone say: so it starts anywhere, and a wrong fix is not for ever.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from elfslam.base.arrays import F32, F64, I64, Bool, Value, array
+from elfslam.base.fixes import NOWHERE, Fix, moments
 from elfslam.base.geometry import between, compose, wrap_angle
 from elfslam.base.parameters import parameter
 from elfslam.base.values import Fixes, FixStatus, FloorMap, Odometry
@@ -21,11 +22,11 @@ from elfslam.base.values import Fixes, FixStatus, FloorMap, Odometry
 
 @dataclass(frozen=True)
 class TrackParameters:
-    """How particles move, are weighted and renewed, and what a fix is worth."""
+    """How particles move, are weighed and renewed, and what a fix is worth."""
 
-    particles: int = parameter(1500, "", "guesses of where the walker is", 10, 1_000_000)
+    particles: int = parameter(1500, "", "particles of where the walker is", 10, 1_000_000)
     temperature: float = parameter(
-        0.14, "", "softmax temperature of a likeness, footstep by footstep", 1e-4, 10.0
+        0.14, "", "softmax temperature of a similarity, footstep by footstep", 1e-4, 10.0
     )
     reach_m: float = parameter(
         0.2, "m", "how far from a spot it sounds as there (sigma)", 0.01, 100.0
@@ -33,12 +34,12 @@ class TrackParameters:
     heading_reach_rad: float = parameter(
         0.4, "rad", "how far the phone may be turned against the spot (sigma)", 0.01, 100.0
     )
-    neighbours: int = parameter(4, "", "nearest spots that explain a guess", 1, 100)
+    neighbours: int = parameter(4, "", "nearest spots that explain a particle", 1, 100)
     unexplained: float = parameter(
-        0.3, "", "likeness that is granted to guesses where no spot is near", -1.0, 1.0
+        0.3, "", "similarity that is granted to particles where no spot is near", -1.0, 1.0
     )
     renewed: float = parameter(
-        0.02, "", "share of guesses drawn from the echoes alone at each footstep", 0.0, 1.0
+        0.02, "", "share of particles drawn from the echoes alone at each footstep", 0.0, 1.0
     )
     scale_sigma: float = parameter(
         0.08, "", "how much longer or shorter steps may be than reckoned", 0.0, 1.0
@@ -47,10 +48,10 @@ class TrackParameters:
         0.06, "rad", "heading error of a footstep, on top of the reckoned", 0.0, 3.14
     )
     memory: float = parameter(
-        0.7, "", "weight of the past in the likeness that tells an unknown place", 0.0, 0.99
+        0.7, "", "weight of the past in the similarity that tells an unknown place", 0.0, 0.99
     )
     unknown_below: float = parameter(
-        0.45, "", "remembered likeness at the fix below this is UNKNOWN_PLACE", -1.0, 1.0
+        0.45, "", "remembered similarity at the fix below this is UNKNOWN_PLACE", -1.0, 1.0
     )
     jump: float = parameter(
         0.55,
@@ -68,7 +69,7 @@ class TrackParameters:
     )
     settled: int = parameter(6, "", "OK fixes until a place out of reach is SUSPECT", 1, 1_000_000)
     near_m: float = parameter(
-        1.0, "m", "guesses this close to the best place are one place", 0.05, 100.0
+        1.0, "m", "particles this close to the best place are one place", 0.05, 100.0
     )
     ambiguous_below: float = parameter(
         0.7, "", "less belief near the best place is AMBIGUOUS", 0.0, 1.0
@@ -85,10 +86,6 @@ class Cloud(Value):
     weight: F64 = array("p")
 
 
-Fix = tuple[F64, float, F64, float, int]
-NOWHERE = (np.full(2, np.nan), np.nan, np.full((2, 2), np.nan))
-
-
 class Tracker:
     """Follows one walker through a map; the generator alone decides the draws."""
 
@@ -98,14 +95,14 @@ class Tracker:
         self._map, self._parameters, self._generator = floor_map, parameters, generator
         self._tree = cKDTree(self._coordinates(floor_map.xy_m, floor_map.heading_rad))
         self._cloud: Cloud | None = None
-        self._likeness = np.nan
+        self._similarity = np.nan
         self._settled = 0
         self._doubts = False
 
     def follow(self, nodes: Odometry, scores: F32, suspect: Bool | None = None) -> Fixes:
         """A fix at each of the n footsteps but the first.
 
-        `scores` (n-1, m): how similar each spot is to each stretch between footsteps, rows of NaN
+        `scores` (n-1, m) say how alike each spot is to each stretch between footsteps, rows of NaN
         where nothing was heard; those that are `suspect` (n-1) move nothing. What follows later
         goes on from here.
         """
@@ -225,26 +222,25 @@ class Tracker:
         if cloud.weight[near].sum() < known.ambiguous_below:
             status = FixStatus.AMBIGUOUS
         share = cloud.weight[near] / cloud.weight[near].sum()
-        xy = share @ cloud.poses[near, :2]
-        heading = float(np.angle(share @ np.exp(1j * cloud.poses[near, 2])))
+        xy, heading, covariance = moments(share, cloud.poses[near, :2], cloud.poses[near, 2])
         around = np.linalg.norm(self._map.xy_m - xy, axis=1)
         if heard:
             self._remember(float(scores[around <= known.near_m].max(initial=-1.0)))
         if suspect and self._settled < known.settled:
-            return *NOWHERE, self._likeness, int(FixStatus.SUSPECT)
-        if self._likeness < known.unknown_below and not suspect:
-            return *NOWHERE, self._likeness, int(FixStatus.UNKNOWN_PLACE)
+            return *NOWHERE, self._similarity, int(FixStatus.SUSPECT)
+        if self._similarity < known.unknown_below and not suspect:
+            return *NOWHERE, self._similarity, int(FixStatus.UNKNOWN_PLACE)
         if not heard:
             status = FixStatus.SUSPECT if suspect else FixStatus.NO_ECHO
-        offset = cloud.poses[near, :2] - xy
-        covariance = np.einsum("k,ki,kj->ij", share, offset, offset)
         covariance += self._map.covariance_m2[int(np.argmin(around))]
         covariance += known.sigma_floor_m**2 * np.eye(2)
-        return xy, heading, covariance, self._likeness, int(status)
+        return xy, heading, covariance, self._similarity, int(status)
 
-    def _remember(self, likeness: float) -> None:
-        past = likeness if np.isnan(self._likeness) else self._likeness
-        self._likeness = self._parameters.memory * past + (1 - self._parameters.memory) * likeness
+    def _remember(self, similarity: float) -> None:
+        past = similarity if np.isnan(self._similarity) else self._similarity
+        self._similarity = (
+            self._parameters.memory * past + (1 - self._parameters.memory) * similarity
+        )
 
 
 def densest(cloud: Cloud, near_m: float) -> F64:

@@ -9,12 +9,12 @@ from types import ModuleType
 
 from elfslam.base import values
 from elfslam.data import baseband
-from elfslam.stages import chirp, feature, spoofing
+from elfslam.stages import chirp, feature, medium_access, spoofing
 from elfslam.stages.chirp import ChirpParameters
-from elfslam.stages.echo import facts
-from elfslam.stages.echo.parameters import EchoParameters
-from elfslam.stages.medium_access import MediumAccessParameters, foreign, listening
-from elfslam.stages.motion import lengths, live
+from elfslam.stages.echo import cut
+from elfslam.stages.echo.sound import EchoParameters
+from elfslam.stages.medium_access import MediumAccessParameters
+from elfslam.stages.motion import live, reckoning
 
 FILE = Path(values.__file__).parents[1] / "serve" / "pages" / "stages" / "constants.js"
 HEAD = """\
@@ -26,6 +26,7 @@ FOREIGN = (
     "LOUDEST_ECHO", "FADES",
 )  # fmt: skip
 """Of what others chirp into a frame."""
+LISTENING = ("SLACK", "LATE", "NOISE", "STRETCHES", "LOST", "REMEMBERED")
 FORMAT = ("rate_hz", "centre_hz", "frame_samples", "lead_s")
 
 
@@ -43,16 +44,18 @@ def _exports() -> list[str]:
         "CHIRP_PARAMETERS": asdict(ChirpParameters()),
         "ECHO_PARAMETERS": asdict(EchoParameters()),
         "MEDIUM_ACCESS": asdict(MediumAccessParameters()),
-        "FOREIGN": _named(foreign, *FOREIGN),
-        "LISTENING": _named(listening, "SLACK", "LATE", "NOISE", "STRETCHES", "LOST", "REMEMBERED"),
-        "FACTS": _named(facts, "QUIET", "OVER", "FULL_SCALE"),
+        "FOREIGN": _named(medium_access, *FOREIGN),
+        "LISTENING": _named(
+            medium_access, "SLACK", "LATE", "NOISE", "STRETCHES", "LOST", "REMEMBERED"
+        ),
+        "FACTS": _named(cut, "QUIET", "OVER", "FULL_SCALE"),
         "BASEBAND_FORMAT": {name: getattr(baseband.BasebandFormat, name) for name in FORMAT},
         "BASEBAND_FILTER": _named(baseband, "KAISER_SHAPE", "HALF_SUPPORT_S", "LEAST"),
         "MEAN_NORMALISATION": _named(
             feature, "PRIOR_FRAMES", "STILL_ECHOES", "STILL", "STILL_WEIGHT"
         ),
         "SPOOFING": _named(spoofing, "PARTS", "SHARPENED", "RECENT", "HISS", "CALM"),
-        "MOTION": {**_named(live, "REST_KEPT"), **_named(lengths, "STEPS_AROUND")},
+        "MOTION": {**_named(live, "REST_KEPT"), **_named(reckoning, "STEPS_AROUND")},
     }
     told = [f"export const {name} = {_said(value)};\n" for name, value in alone.items()]
     return ["".join(told)] + [

@@ -14,7 +14,7 @@ from elfslam.base.geometry import between, compose, inverse
 from elfslam.base.values import Closures, Features
 from elfslam.slam.merging import MergeParameters, add_walk, grow, lay_walk, merge
 from elfslam.slam.merging.grow import grouped, turned_round
-from elfslam.slam.merging.members import Side, likeness_to, links_between, side_of
+from elfslam.slam.merging.members import Side, links_between, side_of, similarity_to
 from elfslam.stages.map_alignment import Registration
 
 KNOWN = MergeParameters()
@@ -128,7 +128,7 @@ def test_a_walk_that_the_graph_does_not_bear_out_leaves(
         return 0.5 if np.array_equal(other.means, third.means) else 0.9
 
     floor_map = merge(walks[:2], KNOWN).maps[0].floor_map
-    monkeypatch.setattr(grow, "likeness_to", judged)
+    monkeypatch.setattr(grow, "similarity_to", judged)
     made = merge(walks, KNOWN)
     assert [each.names for each in made.maps] == [("0", "1")]
     reason = "bent onto the others it resembles them no more than 50% of the usual"
@@ -141,17 +141,17 @@ def test_a_walk_that_the_graph_does_not_bear_out_leaves(
     assert "no more than 50% of the usual" in found.refusal
 
 
-def test_likeness_is_that_of_the_common_ground(
+def test_similarity_is_that_of_the_common_ground(
     walker: Callable, here: Callable, elsewhere: Callable
 ) -> None:
     one, other, away = (
         side_of(walker(heard, "w", seed=k), KNOWN)
         for k, heard in enumerate((here, here, elsewhere))
     )
-    assert likeness_to([one], other, KNOWN) > 0.9
-    assert likeness_to([one], away, KNOWN) < 0.6
+    assert similarity_to([one], other, KNOWN) > 0.9
+    assert similarity_to([one], away, KNOWN) < 0.6
     far = replace(other, poses=np.add(other.poses, [100, 0, 0]))
-    assert likeness_to([one], far, KNOWN) == 0.0
+    assert similarity_to([one], far, KNOWN) == 0.0
 
 
 STARTS = np.array([[0.0, 0.0, 0.0], [5.0, -3.0, 2.0], [-20.0, 7.0, -1.0]])

@@ -12,12 +12,7 @@ from elfslam.base.arrays import F64, I64
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import between, chain, compose
 from elfslam.base.values import NO_CLOSURES, Closures, Odometry, PoseGraph
-from elfslam.stages.graph import (
-    GraphParameters,
-    agreeing,
-    build_graph,
-    optimise,
-)
+from elfslam.stages.graph import GraphParameters, agreeing, build_graph, optimise
 from elfslam.stages.graph.blocks import pattern_of
 from elfslam.stages.graph.building import believing, edges_of
 from elfslam.stages.graph.solving import (

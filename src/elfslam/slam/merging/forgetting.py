@@ -21,8 +21,8 @@ BLOCK_PAIRS = 100_000
 
 
 @dataclass(frozen=True, eq=False)
-class Likeness:
-    """How similar each spot of a map (m) and those of another near it are, on average.
+class SpotSimilarity:
+    """How alike each spot of a map (m) and those of another near it are, on average.
 
     NaN without any; `passes` counts how often the other walks by.
     """
@@ -34,7 +34,7 @@ class Likeness:
 def renewed(floor_map: FloorMap, newer: FloorMap, parameters: MergeParameters) -> FloorMap:
     """The map with the spots of a newer walk of the same frame; older ones fade and may leave."""
     known = parameters.merging
-    seen = likeness(floor_map, newer, parameters)
+    seen = spot_similarity(floor_map, newer, parameters)
     changed = changed_spots(floor_map, seen, parameters)
     fade = np.where(changed, known.fade_changed, known.fade)
     weight = np.where(seen.passes > 0, floor_map.weight * fade, floor_map.weight)
@@ -43,14 +43,14 @@ def renewed(floor_map: FloorMap, newer: FloorMap, parameters: MergeParameters) -
     return stacked(chosen_spots(aged, kept), newer)
 
 
-def changed_spots(floor_map: FloorMap, seen: Likeness, parameters: MergeParameters) -> Bool:
+def changed_spots(floor_map: FloorMap, seen: SpotSimilarity, parameters: MergeParameters) -> Bool:
     """Which spots (m) lie where a newer walk, seen from them, does not know the place again.
 
-    Judged by the square metre, against how similar the map's own passes are there, and relative to
-    the rest of the walk: another phone is less similar everywhere. One pass is not enough.
+    Judged by the square metre, against how alike the map's own passes are there, and relative to
+    the rest of the walk: another phone is less alike everywhere. One pass is not enough.
     """
     known = parameters.merging
-    own = likeness(floor_map, floor_map, parameters, own=True)
+    own = spot_similarity(floor_map, floor_map, parameters, own=True)
     judged = np.isfinite(seen.mean) & np.isfinite(own.mean)
     if not judged.any():
         return judged
@@ -65,10 +65,10 @@ def changed_spots(floor_map: FloorMap, seen: Likeness, parameters: MergeParamete
     return np.asarray(unlike[cell] & (seen.passes >= known.passes))
 
 
-def likeness(
+def spot_similarity(
     floor_map: FloorMap, newer: FloorMap, parameters: MergeParameters, *, own: bool = False
-) -> Likeness:
-    """How similar a map and another are where it passes near in the same direction.
+) -> SpotSimilarity:
+    """How alike a map and another are where it passes near in the same direction.
 
     Of its `own` map, spots of the same pass do not count.
     """
@@ -87,7 +87,7 @@ def likeness(
     count = np.bincount(i, minlength=len(floor_map.xy_m))
     total = np.bincount(i, _products(floor_map, newer, i, j), minlength=len(count))
     mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
-    return Likeness(mean, _passes(i, newer.walk[j], newer.order[j], len(count)))
+    return SpotSimilarity(mean, _passes(i, newer.walk[j], newer.order[j], len(count)))
 
 
 def _products(floor_map: FloorMap, newer: FloorMap, i: I64, j: I64) -> F64:

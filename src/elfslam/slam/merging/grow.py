@@ -15,28 +15,24 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import compose, inverse
 from elfslam.base.parameters import digest
-from elfslam.base.values import Announce, Closures, FloorMap, Trajectory
+from elfslam.base.values import Announce, Closures, FloorMap, Trajectory, silent
 from elfslam.slam.merging.forgetting import renewed
 from elfslam.slam.merging.joint_graph import against_map, joined_walks
 from elfslam.slam.merging.members import (
     MappedWalk,
     MergeParameters,
     Side,
-    likeness_to,
     links_between,
     meeting_of,
     middles,
     placed,
     side_of,
     sides_of,
+    similarity_to,
     usual_of,
 )
 from elfslam.stages.floormap import trajectory_map
 from elfslam.stages.map_alignment import Registration, WalkPair, align
-
-
-def unheard(what: str, share: float | None) -> None:
-    """Announce nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +61,7 @@ def merge(
     parameters: MergeParameters,
     *,
     known_starts: bool = False,
-    announce: Announce = unheard,
+    announce: Announce = silent,
 ) -> Merged:
     """Maps of the walks that certainly share a place; the oldest walk comes first.
 
@@ -108,7 +104,9 @@ def add_walk(
     if found.refusal:
         return floor_map, found, walk.trajectory
     trajectory = against_map(walk, found.one_from_other, meeting.one, meeting.links, parameters)
-    alike = likeness_to(ones, replace(other, poses=middles(trajectory.world_from_body)), parameters)
+    alike = similarity_to(
+        ones, replace(other, poses=middles(trajectory.world_from_body)), parameters
+    )
     if alike < parameters.alignment.least_resemblance:
         refusal = f"bent onto it it {_too_little(alike)}"
         return floor_map, replace(found, refusal=refusal), walk.trajectory
@@ -218,7 +216,9 @@ def _alike(
         replace(side, poses=middles(walk.world_from_body))
         for side, walk in zip(sides, trajectories, strict=True)
     ]
-    return [likeness_to(bent[:k] + bent[k + 1 :], each, parameters) for k, each in enumerate(bent)]
+    return [
+        similarity_to(bent[:k] + bent[k + 1 :], each, parameters) for k, each in enumerate(bent)
+    ]
 
 
 def _too_little(resemblance: float) -> str:

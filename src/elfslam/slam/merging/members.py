@@ -25,15 +25,20 @@ from elfslam.base.values import (
     Trajectory,
 )
 from elfslam.slam.parameters import Parameters
-from elfslam.stages.closure import AGAIN, closures_between, joined, sequence_mean
+from elfslam.stages.closure import (
+    AGAIN,
+    closures_between,
+    echo_sequence_similarity,
+    joined,
+    sequence_mean,
+)
+from elfslam.stages.floormap import QualityParameters
 from elfslam.stages.map_alignment import (
     AlignmentParameters,
     WalkPair,
     resemblances,
     usual_resemblance,
 )
-from elfslam.stages.quality import QualityParameters
-from elfslam.stages.similarity import echo_sequence_similarity
 
 
 @dataclass(frozen=True)
@@ -57,13 +62,13 @@ class MergingParameters:
     forget_below: float = parameter(0.1, "", "spots with less weight leave the map", 0.0, 1.0)
     passes: int = parameter(2, "", "times that a newer walk must find a place changed", 1, 100)
     changed_below: float = parameter(
-        0.65, "", "likeness to the map, against other places, that is a change", 0.0, 2.0
+        0.65, "", "similarity to the map, against other places, that is a change", 0.0, 2.0
     )
 
 
 @dataclass(frozen=True)
 class MergeParameters(Parameters):
-    """Those of the line, and those of merging."""
+    """Those of the pipeline, and those of merging."""
 
     alignment: AlignmentParameters = field(default_factory=AlignmentParameters)
     merging: MergingParameters = field(default_factory=MergingParameters)
@@ -87,7 +92,7 @@ class MappedWalk:
 class Side(Value):
     """Stretches of a walk (n): pose of the middle, what is heard, how certain the poses are.
 
-    `usual` is how similar the walk is to itself where it comes back.
+    `usual` is how much the walk resembles itself where it comes back.
     """
 
     poses: F64 = array("n", 3)
@@ -100,8 +105,7 @@ def walk_of(run: Run) -> MappedWalk:
     """What merging needs of a run. Raises InputError where the run has no sound."""
     if run.features is None or len(run.odometry.t_s) < 2:
         raise InputError(
-            f"{run.name}: was mapped without sound; map it by elf, only echoes are merged",
-            argument="by",
+            f"{run.name}: was mapped without sound; map it with --by elf, only echoes are merged"
         )
     evidence = run.odometry, run.trajectory, run.closures, run.features
     return MappedWalk(run.name, *evidence, run.points_of_interest, run.checkpoints)
@@ -151,8 +155,8 @@ def meeting_of(
     )
 
 
-def likeness_to(ones: Sequence[Side], other: Side, parameters: MergeParameters) -> float:
-    """How similar a walk is to others of its frame on common ground, relative to the usual.
+def similarity_to(ones: Sequence[Side], other: Side, parameters: MergeParameters) -> float:
+    """How much a walk resembles others of its frame on common ground, relative to the usual.
 
     Zero without common ground.
     """
@@ -169,7 +173,7 @@ def links_between(one: Side, other: Side, parameters: MergeParameters) -> Closur
 
 
 def short_scores(one: F32, other: F32, parameters: MergeParameters) -> F32:
-    """How similar footsteps are (n, m), averaged over a few that follow each other."""
+    """How alike footsteps are (n, m), averaged over a few that follow each other."""
     return sequence_mean(one @ other.T, parameters.alignment.short_sequence, AGAIN)
 
 
@@ -180,7 +184,7 @@ def middles(poses: F64) -> F64:
 
 
 def usual_of(sides: Sequence[Side]) -> float:
-    """How similar these walks are to themselves, typically."""
+    """How much these walks resemble themselves, typically."""
     return float(np.exp(np.mean(np.log([side.usual for side in sides]))))
 
 

@@ -5,18 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
-from elfslam.base.arrays import F64, I64, Bool
+from elfslam.base.arrays import C128, F64, I64, Bool
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import between, shifted
 from elfslam.base.parameters import parameter
 from elfslam.base.values import Closures, Odometry, PoseGraph
 
 LEAST_SIGMA = 1e-9
-C128 = npt.NDArray[np.complex128]
 
 
 @dataclass(frozen=True)

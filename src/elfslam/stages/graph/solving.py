@@ -5,7 +5,7 @@ way between; a false closure by chance has no such company. Pairwise consistency
 et al. (ICRA 2018, "Pairwise consistent measurement set maximization").
 
 A run of closures is believed where it fits what the graph predicts there, within the uncertainty
-of that prediction. The most certain predictions are asked first; each run believed straightens the
+of that prediction. The most certain predictions are asked first; each run believed corrects the
 walk and makes the next prediction more certain, until what is false no longer fits. Single
 closures come last, and must fit much better than chance would.
 """

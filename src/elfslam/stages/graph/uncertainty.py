@@ -24,12 +24,7 @@ from elfslam.stages.graph.blocks import (
     stored_at,
     summed,
 )
-from elfslam.stages.graph.building import (
-    GraphParameters,
-    believing,
-    covariance_of_edges,
-    edges_of,
-)
+from elfslam.stages.graph.building import GraphParameters, believing, covariance_of_edges, edges_of
 
 SETTLED = 1e-4
 """A Gauss-Newton step that promises to lower the cost by less than this share is not taken."""

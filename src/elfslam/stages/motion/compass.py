@@ -11,9 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from elfslam.base.arrays import F64, Value, array
+from elfslam.base.arrays import C128, F64, Value, array
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import wrap_angle
 from elfslam.base.values import Imu, Magnetometer
@@ -21,7 +20,6 @@ from elfslam.stages.motion.level import Level, averaged, levelled_pieces
 from elfslam.stages.motion.parameters import MotionParameters
 from elfslam.stages.motion.reckoning import footfalls, lengths_between, phone_turn, smooth_heading
 
-C128 = npt.NDArray[np.complex128]
 ROUNDS = 20
 """The scale of the hard iron and its value are found in turn."""
 TAIL = 3.0

@@ -34,7 +34,7 @@ from elfslam.stages.echo import (
 from elfslam.stages.echo.arrivals import Frames
 from elfslam.stages.feature import OnnxEncoder, extract_features, load_encoder
 from elfslam.stages.floormap import trajectory_map
-from elfslam.stages.locate import LocateParameters, likeness, locate_one_shot, means_between
+from elfslam.stages.locate import LocateParameters, locate_one_shot, spot_similarity
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import load_world, simulate
 from tests.in_node import needs_node, passed_in_node
@@ -194,11 +194,11 @@ def located(
 ) -> dict[str, object]:
     """Means, scores and fixes of features as they are heard in a map."""
     steps_s = heard.t_s[0] + 0.55 * np.arange(int((heard.t_s[-1] - heard.t_s[0]) / 0.55) + 1)
-    means = means_between(heard, steps_s, parameters.locate.fewest_echoes)
+    means = heard.means_between(steps_s, parameters.locate.fewest_echoes)
     elf = next(item for item in floor_map.payloads if item.kind == "elf")
     write_f32(folder, "heard", heard.vectors)
     write_f32(folder, "means", means)
-    write_f32(folder, "scores", likeness(means, elf))
+    write_f32(folder, "scores", spot_similarity(means, elf))
     return {
         "edges_s": steps_s.tolist(),
         "fixes": told_fixes(locate_one_shot(heard, floor_map, parameters.locate)),

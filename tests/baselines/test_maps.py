@@ -11,7 +11,7 @@ import pytest
 from elfslam.base.errors import InputError
 from elfslam.base.values import Magnetometer, Odometry, Trajectory, WifiScans
 from elfslam.baselines.magnetic import MagneticParameters
-from elfslam.baselines.rival_maps import (
+from elfslam.baselines.maps import (
     MAGNETIC_LOCATE,
     WIFI_LOCATE,
     magnetic_map,

@@ -1,4 +1,4 @@
-"""A recording cut to a stretch: what lies outside has no say, and times stay those of the whole."""
+"""A recording cropped to a stretch: what lies outside has no say; times stay those of the whole."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import pytest
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import Audio, Odometry, Recording
+from elfslam.slam.crop import crop
 from elfslam.slam.front_end import dead_reckoning_nodes, extract_echoes
 from elfslam.slam.parameters import Parameters
-from elfslam.slam.trimming import kept_motion, kept_sound, trimmed
 from elfslam.world.simulate import simulate
 from elfslam.world.world_file import load_world
 
@@ -25,7 +25,7 @@ def recording() -> Recording:
 
 
 def test_the_steps_and_echoes_of_a_stretch_are_those_of_the_whole(recording: Recording) -> None:
-    part = trimmed(recording, 8.0, 20.0)
+    part = crop(recording, 8.0, 20.0)
     whole, heard = (
         dead_reckoning_nodes(recording, PARAMETERS),
         extract_echoes(recording, PARAMETERS),
@@ -49,43 +49,48 @@ def test_whatever_was_wrong_outside_does_not_matter(recording: Recording) -> Non
     loud = dataclasses.replace(recording, audio=Audio(samples, 44_100))
     with pytest.raises(InputError, match="clipped"):
         extract_echoes(loud, PARAMETERS)
-    echoes = extract_echoes(trimmed(loud, 8.0, 30.0), PARAMETERS)
-    npt.assert_allclose(echoes.t_s, extract_echoes(trimmed(recording, 8.0, 30.0), PARAMETERS).t_s)
+    echoes = extract_echoes(crop(loud, 8.0, 30.0), PARAMETERS)
+    npt.assert_allclose(echoes.t_s, extract_echoes(crop(recording, 8.0, 30.0), PARAMETERS).t_s)
+
+
+def walked(**start: object) -> Recording:
+    poses = np.column_stack([np.arange(11.0), np.zeros((11, 2))])
+    sigma = np.arange(30.0).reshape(10, 3) + 1
+    own = Odometry(np.arange(11.0), poses, sigma)
+    return dataclasses.replace(Recording("walk", "planted", odometry=own), **start)
 
 
 def test_a_start_is_that_of_the_whole() -> None:
-    started = Recording("walk", "planted", start_pose=(1.0, 2.0, 0.5))
-    assert trimmed(started, 0.0, 9.0).start_pose == (1.0, 2.0, 0.5)
-    assert trimmed(started, 0.1, 9.0).start_pose is None
+    started = walked(start_pose=(1.0, 2.0, 0.5))
+    assert crop(started, 0.0, 9.0).start_pose == (1.0, 2.0, 0.5)
+    assert crop(started, 0.1, 9.0).start_pose is None
 
 
 def test_the_devices_own_odometry_is_cut_with_its_sigmas() -> None:
-    poses = np.column_stack([np.arange(11.0), np.zeros((11, 2))])
-    sigma = np.arange(30.0).reshape(10, 3) + 1
-    walked = Recording("walk", "planted", odometry=Odometry(np.arange(11.0), poses, sigma))
-    cut = kept_motion(trimmed(walked, 2.5, 6.0)).odometry
-    assert cut is not None
-    npt.assert_array_equal(cut.t_s, [3, 4, 5, 6])
-    npt.assert_array_equal(cut.step_sigma, sigma[3:6])
+    whole = walked().odometry
+    part = crop(walked(), 2.5, 6.0)
+    assert whole is not None
+    assert part.odometry is not None
+    npt.assert_array_equal(part.odometry.t_s, [3, 4, 5, 6])
+    npt.assert_array_equal(part.odometry.step_sigma, whole.step_sigma[3:6])
+    npt.assert_array_equal(part.motion_t_s, whole.t_s)
 
 
 def test_a_stretch_without_motion_is_refused_with_that_of_the_recording(
     recording: Recording,
 ) -> None:
     with pytest.raises(InputError, match=r"wanted motion from 900 to 910 s, got that from 0\.0 to"):
-        dead_reckoning_nodes(trimmed(recording, 900.0, 910.0), PARAMETERS)
+        crop(recording, 900.0, 910.0)
     with pytest.raises(InputError, match="got none; choose a stretch"):
-        kept_motion(trimmed(Recording("walk", "planted"), 0.0, 10.0))
+        crop(Recording("walk", "planted"), 0.0, 10.0)
 
 
 def test_sound_that_may_lack_samples_stays_whole(recording: Recording) -> None:
-    part, audio = trimmed(recording, 8.0, 20.0), recording.audio
+    audio, part = recording.audio, crop(recording, 8.0, 20.0).audio
     assert audio is not None
-    assert kept_sound(part, audio, 99.0) is audio
-    assert kept_sound(recording, audio, None) is audio
-    silenced = kept_sound(part, audio, None).samples
-    assert not silenced[:, : 8 * 44_100].any()
-    npt.assert_array_equal(
-        silenced[:, 8 * 44_100 : 20 * 44_100], audio.samples[:, 8 * 44_100 : 20 * 44_100]
-    )
-    assert not silenced[:, 20 * 44_100 :].any()
+    assert part is not None
+    inside = slice(8 * 44_100, 20 * 44_100)
+    npt.assert_array_equal(part.samples[:, inside], audio.samples[:, inside])
+    assert not np.delete(part.samples, np.r_[inside], axis=1).any()
+    lacking = dataclasses.replace(audio, samples=audio.samples[:, 44_100:])
+    assert crop(dataclasses.replace(recording, audio=lacking), 8.0, 20.0).audio is lacking

@@ -1,6 +1,6 @@
-"""Baselines located in maps: what Wi-Fi and the magnetic field know at each spot, and who is where.
+"""Maps by other modalities: what Wi-Fi and the magnetic field know at each spot, and who is where.
 
-A baseline's map has a spot for every stretch between footsteps, with a payload of its own kind. The
+Such a map has a spot for every stretch between footsteps, with a payload of its own kind. The
 scores of a new walk against it go through the same localization as those of the echoes.
 """
 
@@ -41,7 +41,7 @@ WIFI_SEGMENTS = SegmentParameters(
 )
 MAGNETIC_LOCATE = LocateParameters(temperature=0.03, unknown_below=-1.0, ambiguous_below=0.0)
 MAGNETIC_SEGMENTS = SegmentParameters(temperature=0.03, unknown_below=-1.0, ambiguous_below=0.0)
-"""A baseline answers always, with its best guess."""
+"""A baseline answers always, with the best it has."""
 
 
 def wifi_map(
@@ -69,7 +69,7 @@ def magnetic_map(
 def wifi_spot_scores(
     wifi: WifiScans, nodes: Odometry, floor_map: FloorMap, parameters: WifiFingerprintParameters
 ) -> F32:
-    """How similar the spots (m) of a map are to the stretches (n-1) of a walk.
+    """How alike the spots (m) of a map are to the stretches (n-1) of a walk.
 
     Raises InputError where the map has no Wi-Fi of this variant.
     """
