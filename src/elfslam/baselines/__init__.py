@@ -1,1 +1,1 @@
-"""Floor 3: other sensors and other features through the same stages."""
+"""Floor 3: other modalities and other features through the same stages."""

@@ -115,7 +115,7 @@ def centred_spectrogram(samples: F32) -> F32:
 
 
 def root_spectrogram(samples: F32) -> F32:
-    """Square roots of the magnitudes, without their mean: late and early sound count more alike."""
+    """Square roots of the magnitudes, without their mean: late and early sound count evenly."""
     root = np.sqrt(flat_spectrogram(samples))
     return np.asarray(root - root.mean(axis=1, keepdims=True))
 

@@ -69,7 +69,7 @@ def magnetic_map(
 def wifi_spot_scores(
     wifi: WifiScans, nodes: Odometry, floor_map: FloorMap, parameters: WifiFingerprintParameters
 ) -> F32:
-    """How alike the spots (m) of a map are to the stretches (n-1) of a walk.
+    """How similar the spots (m) of a map are to the stretches (n-1) of a walk.
 
     Raises InputError where the map has no Wi-Fi of this variant.
     """

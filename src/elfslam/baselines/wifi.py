@@ -202,7 +202,7 @@ def _common_shares(here: F64, there: F64) -> F64:
 
 @dataclass(frozen=True)
 class PlaceParameters:
-    """How many mapped places tell where one is, and how much the more alike ones count."""
+    """How many mapped places tell where one is, and how much the more similar ones count."""
 
     count: int = parameter(12, "", "places whose mean is taken", 1, 1000)
     wifi_power: float = parameter(8.0, "", "exponent of the Wi-Fi score in the weight", 0.0)

@@ -254,7 +254,7 @@ def window_means(values: F32 | F64, window: I64) -> F32:
 def likely_revisits(means: F32, line_windows: int, similarity: float) -> Bool:
     """Pairs of windows (k, k) on a stretch that sounds like another one.
 
-    A single window resembles many places, a sequence few: `similarity` is asked of the mean over
+    One window is similar to many places, a sequence to few: `similarity` is asked of the mean over
     `line_windows` windows that advance together, or one forward and one back.
     """
     scores = means @ means.T

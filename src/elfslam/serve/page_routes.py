@@ -237,7 +237,7 @@ class PagesMount(Mount):
 def install_pages(app: FastAPI, settings: ServerSettings) -> None:
     """Serve the pages, some at short addresses, and what phones draw walks with beside them.
 
-    That is the shipped encoder and the line's parameters, which are written to the data folder.
+    That is the shipped encoder and the pipeline's parameters, which are written to the data folder.
     """
     folder = settings.pages_folder
     parameters = settings.data_folder / PARAMETERS

@@ -70,7 +70,7 @@ SimilarityMaker = Callable[[Recording, Odometry], AnySimilarity]
 
 @dataclass(frozen=True)
 class Sense:
-    """What knows a place again: how alike nodes are, and what then counts as a closure."""
+    """What knows a place again: how similar nodes are, and what then counts as a closure."""
 
     similarity_of: SimilarityMaker
     closure: ClosureParameters
@@ -92,7 +92,7 @@ def map_by_echoes(
 ) -> Run:
     """A walk with sound becomes a corrected trajectory and a map of ELFs.
 
-    Other senses may close loops `beside` the echoes.
+    Other modalities may close loops `beside` the echoes.
     """
     seconds: dict[str, float] = {}
     stage = partial(_stage, seconds, announce)
@@ -127,7 +127,7 @@ def map_by(
     *,
     announce: Announce = silent,
 ) -> Run:
-    """The same with other senses: whatever makes a similarity between nodes closes the loops.
+    """The same with other modalities: whatever makes a similarity between nodes closes the loops.
 
     The run keeps the similarity of the first.
     """
@@ -155,7 +155,7 @@ def _close_loops(
     parameters: Parameters,
     stage: Stage,
 ) -> Run:
-    """What resembles, or was marked by hand, closes loops, and the loops correct the walk."""
+    """What is similar, or was marked by hand, closes loops, and the loops correct the walk."""
     named = recording.checkpoints
     with stage("closures"):
         measured = closures_by(nodes, similarities, parameters)
@@ -183,7 +183,7 @@ def closures_by(
     similarities: Sequence[tuple[AnySimilarity, ClosureParameters]],
     parameters: Parameters,
 ) -> Closures:
-    """The closures of one sense after the other.
+    """The closures of one modality after the other.
 
     What a later one says must fit the walk as the earlier ones correct it.
     """
@@ -229,7 +229,7 @@ def _on_plan(plan: OnPlan, closures: Closures, by_hand: Bool, parameters: Parame
 
 
 def no_similarity(recording: Recording, nodes: Odometry) -> MeanSimilarity:
-    """Nothing resembles anything: mapping by this is dead reckoning alone."""
+    """Nothing is similar: mapping by this is dead reckoning alone."""
     return MeanSimilarity(np.zeros((len(nodes.t_s) - 1, 1), dtype=np.float32), kind="motion")
 
 
@@ -262,7 +262,7 @@ def locate(
 def footstep_similarity(
     features: Features, nodes: Odometry, floor_map: FloorMap, parameters: LocateParameters
 ) -> F32:
-    """How alike each spot (m) is to each stretch between footsteps (n-1); NaN where silent."""
+    """How similar each spot (m) is to each stretch between footsteps (n-1); NaN where silent."""
     payload = elf_payload(floor_map, features.encoder, features.vectors.shape[1])
     return spot_similarity(features.means_between(nodes.t_s, parameters.fewest_echoes), payload)
 

@@ -6,7 +6,7 @@ reckoning rules out those it cannot have missed by so much, and of two candidate
 the walker at two places at once only the clearly better one stays. The graph has the last word.
 
 Walked back, the two sides of a hall that is nearly the same after half a turn sound alike, and an
-ELF hardly knows its own place from the other side. So stretches walked back must be more alike.
+ELF hardly knows its own place from the other side. So stretches walked back must be more similar.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ class ClosureParameters:
         0.22, "", "mean similarity along a sequence that makes a candidate", -1.0, 1.0
     )
     back_margin: float = parameter(
-        0.4, "", "how much more alike a stretch walked back must be", 0.0, 2.0
+        0.4, "", "how much more similar a stretch walked back must be", 0.0, 2.0
     )
     near_footsteps: int = parameter(
         12, "footsteps", "neighbours in time are not closures", 1, 10_000

@@ -176,7 +176,7 @@ class MapQuality(Value):
     """Squares (c) that hold spots: their middle, walks and spots in them, and how good they are.
 
     `weight` is the mean of the spots', `sigma_m` the root mean square per axis of their positions.
-    `error_m` is the median distance at which other walks resemble a spot most, NaN where no other
+    `error_m` is the median distance at which other walks are most similar, NaN where no other
     walk is near. `changed` is where the surroundings have changed since most spots were made.
     """
 

@@ -28,7 +28,7 @@ class LocateParameters:
     window_s: float = parameter(0.6, "s", "sound used for one fix", 0.1, 60.0)
     fewest_echoes: int = parameter(3, "", "fewer echoes in a window give NO_ECHO", 1, 600)
     unknown_below: float = parameter(
-        0.6, "", "no spot more alike than this is UNKNOWN_PLACE", -1.0, 1.0
+        0.6, "", "no spot more similar than this is UNKNOWN_PLACE", -1.0, 1.0
     )
     temperature: float = parameter(
         0.05, "", "softmax temperature: a spot's weight is exp(similarity / this)", 1e-4, 10.0

@@ -1,8 +1,8 @@
 """Relative pose of two maps by voting over matched places, accepted by a ratio test.
 
 Each pair of places that sound alike votes for a placement. The placements that the votes gather
-around are judged as a whole: wherever the walks then cover the same ground they must resemble each
-other, nearly as each resembles itself, over enough ground; and no other placement may do as well.
+around are judged as a whole: wherever the walks then cover the same ground they must be nearly as
+similar as each is to itself, over enough ground; and no other placement may do as well.
 That is what tells a place from its mirror image, and one room from another like it.
 """
 
@@ -67,7 +67,7 @@ class AlignmentParameters:
 
 @dataclass(frozen=True, eq=False)
 class WalkPair(Value):
-    """Footsteps of walks that share a frame (n), those of one more (m), and how alike they are.
+    """Footsteps of walks that share a frame (n), those of one more (m), and how similar they are.
 
     The links sound alike over a long sequence: footsteps i of the one and j of the other, in any
     order. `sigma_m` says how far either side may be bent.
@@ -84,7 +84,7 @@ class WalkPair(Value):
 class Registration(Value):
     """The best placement, the evidence for it, and why it is not believed ("" where it is).
 
-    `evidence` sums the resemblance over footsteps, `lead` is in standard errors (infinite without
+    `evidence` sums the similarity over footsteps, `lead` is in standard errors (infinite without
     a competing one).
     """
 
@@ -98,7 +98,7 @@ class Registration(Value):
 
 @dataclass(frozen=True, eq=False)
 class ScoredPlacement:
-    """A placement (3), the resemblance (m) found there (NaN off common ground), its evidence."""
+    """A placement (3), the similarity (m) found there (NaN off common ground), its evidence."""
 
     placement: F64
     found: F64
@@ -108,7 +108,7 @@ class ScoredPlacement:
 def align(meeting: WalkPair, usual: float, parameters: AlignmentParameters) -> Registration:
     """The best placement of the other walk, with a refusal where the evidence falls short.
 
-    `usual` is the resemblance of these walks to themselves.
+    `usual` is the similarity of these walks to themselves.
     """
     ranked = _ranked(meeting, usual, parameters)
     if not ranked or ranked[0].evidence <= 0:
@@ -143,7 +143,7 @@ def align(meeting: WalkPair, usual: float, parameters: AlignmentParameters) -> R
 def usual_resemblance(
     poses: F64, scores: F32, apart: int, parameters: AlignmentParameters
 ) -> float | None:
-    """Resemblance of a walk (n, 3) to itself where it comes back, by its scores (n, n).
+    """Similarity of a walk (n, 3) to itself where it comes back, by its scores (n, n).
 
     Neighbours less than `apart` footsteps apart do not count; None where it never comes back.
     """
@@ -195,7 +195,7 @@ def _ranked(
 def _judged(
     placement: F64, meeting: WalkPair, usual: float, parameters: AlignmentParameters
 ) -> ScoredPlacement:
-    """A placement with its evidence: who resembles less than half as usual counts against it."""
+    """A placement with its evidence: less than half the usual similarity counts against it."""
     there = compose(placement, meeting.other)
     found = resemblances(meeting.one, there, meeting.scores, parameters)
     return ScoredPlacement(placement, found, float(np.nansum(found - usual / 2)))

@@ -304,7 +304,7 @@ class CarrierSense:
 
 @dataclass(frozen=True)
 class Slot:
-    """A slot on the line of samples: where it begins and ends.
+    """A slot on the axis of samples: where it begins and ends.
 
     `due` is where the direct sound of the own chirp is due in it, `following` where that of the
     next slot is; None where there is none.

@@ -1,4 +1,4 @@
-"""Tracking by a particle filter: particles moved by footsteps and weighed by echoes.
+"""Particle filter for tracking: particles moved by footsteps and weighted by echoes.
 
 A particle filter (Thrun, Burgard and Fox, Probabilistic Robotics, chapter 8.3, with particles
 drawn from the measurement as in Mixture-MCL). Each particle has its own heading and length of step,
@@ -56,14 +56,14 @@ class TrackParameters:
     jump: float = parameter(
         0.55,
         "",
-        "a place out of reach of the steps that is more alike by this is SUSPECT",
+        "a place out of reach of the steps that is more similar by this is SUSPECT",
         0.0,
         3.0,
     )
     regained: float = parameter(
         0.16,
         "",
-        "once SUSPECT, what is within reach is believed again when less alike by no more than this",
+        "once SUSPECT, what is within reach counts again when less similar by no more than this",
         0.0,
         3.0,
     )
@@ -102,7 +102,7 @@ class Tracker:
     def follow(self, nodes: Odometry, scores: F32, suspect: Bool | None = None) -> Fixes:
         """A fix at each of the n footsteps but the first.
 
-        `scores` (n-1, m) say how alike each spot is to each stretch between footsteps, rows of NaN
+        `scores` (n-1, m): how similar each spot is to each stretch between footsteps, rows of NaN
         where nothing was heard; those that are `suspect` (n-1) move nothing. What follows later
         goes on from here.
         """

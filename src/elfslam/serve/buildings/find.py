@@ -1,8 +1,8 @@
-"""Which floor a phone is on: what each sense says, added up by one rule.
+"""Which floor a phone is on: the log-odds of each modality, added up.
 
-Every sense gives log-odds for a floor, against being anywhere else; a sense that cannot know of a
+Every modality gives log-odds for a floor, against being anywhere else; one that cannot know of a
 floor says nothing of it. Their sum, each bounded, gives the share of each floor and of "elsewhere"
-(odds 1). The best floor is the answer only where its share is large and no sense knows another
+(odds 1). The best floor is the answer only where its share is large and no modality knows another
 building instead; nothing is ever guessed. What a phone tells is looked up in the database by two
 queries, whatever it tells.
 """
@@ -44,9 +44,9 @@ class RuleParameters:
         0.5, "", "from here on the place is unknown", low=0.05, high=1.0
     )
     denying_log_odds: float = parameter(
-        5.0, "", "with so much a sense knows another building, or that it is not this", low=0.0
+        5.0, "", "with so much a modality knows another building, or that it is not this", low=0.0
     )
-    most_log_odds: float = parameter(30.0, "", "of one sense, either way", low=1.0)
+    most_log_odds: float = parameter(30.0, "", "of one modality, either way", low=1.0)
     most_candidates: int = parameter(10, "", "are told", low=1, high=1000)
     least_share: float = parameter(0.001, "", "of a candidate that is told", low=0.0, high=0.5)
 
@@ -86,7 +86,7 @@ class KnownFloor:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What each sense says of floors by their number; None where it was not asked.
+    """What each modality says of floors by their number; None where it was not asked.
 
     `wifi_silent` is what it says of a floor with Wi-Fi that knows nothing of what was heard.
     """
@@ -114,7 +114,7 @@ class Answer:
 
 
 def decide(floors: Iterable[KnownFloor], evidence: Evidence, parameters: FindParameters) -> Answer:
-    """The answer from what the senses say of some floors."""
+    """The answer from what the modalities say of some floors."""
     known, rule = list(floors), parameters.rule
     said = {floor.number: log_odds_of(floor, evidence, parameters) for floor in known}
     odds = np.array([0.0, *(sum(each or 0.0 for each in said[floor.number]) for floor in known)])
@@ -155,7 +155,7 @@ def _denied(
     said: Mapping[int, tuple[float | None, ...]],
     rule: RuleParameters,
 ) -> bool:
-    """Whether a sense knows another building, and that it is not this one, or nothing of this."""
+    """Whether a modality knows another building, and that it is not this, or nothing of this."""
     for sense, here in enumerate(said[best.number]):
         others = (said[each.number][sense] for each in known if each.building != best.building)
         another = max((odds for odds in others if odds is not None), default=0.0)
@@ -166,7 +166,7 @@ def _denied(
 
 Key = TypeVar("Key", int, str)
 MOST_FLOORS = 64
-"""So many of the likeliest by each sense are looked at by the others."""
+"""So many of the likeliest by each modality are looked at by the others."""
 POINTS = sa.select(
     FloorPoint.bssid, FloorPoint.floor, FloorPoint.level_dbm, FloorPoint.spread_db, FloorPoint.share
 )

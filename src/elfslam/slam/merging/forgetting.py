@@ -22,7 +22,7 @@ BLOCK_PAIRS = 100_000
 
 @dataclass(frozen=True, eq=False)
 class SpotSimilarity:
-    """How alike each spot of a map (m) and those of another near it are, on average.
+    """How similar each spot of a map (m) and those of another near it are, on average.
 
     NaN without any; `passes` counts how often the other walks by.
     """
@@ -46,8 +46,8 @@ def renewed(floor_map: FloorMap, newer: FloorMap, parameters: MergeParameters) -
 def changed_spots(floor_map: FloorMap, seen: SpotSimilarity, parameters: MergeParameters) -> Bool:
     """Which spots (m) lie where a newer walk, seen from them, does not know the place again.
 
-    Judged by the square metre, against how alike the map's own passes are there, and relative to
-    the rest of the walk: another phone is less alike everywhere. One pass is not enough.
+    Judged by the square metre, against how similar the map's own passes are there, and relative to
+    the rest of the walk: another phone is less similar everywhere. One pass is not enough.
     """
     known = parameters.merging
     own = spot_similarity(floor_map, floor_map, parameters, own=True)
@@ -68,7 +68,7 @@ def changed_spots(floor_map: FloorMap, seen: SpotSimilarity, parameters: MergePa
 def spot_similarity(
     floor_map: FloorMap, newer: FloorMap, parameters: MergeParameters, *, own: bool = False
 ) -> SpotSimilarity:
-    """How alike a map and another are where it passes near in the same direction.
+    """How similar a map and another are where it passes near in the same direction.
 
     Of its `own` map, spots of the same pass do not count.
     """

@@ -92,7 +92,7 @@ class MappedWalk:
 class Side(Value):
     """Stretches of a walk (n): pose of the middle, what is heard, how certain the poses are.
 
-    `usual` is how much the walk resembles itself where it comes back.
+    `usual` is how similar the walk is to itself where it comes back.
     """
 
     poses: F64 = array("n", 3)
@@ -156,7 +156,7 @@ def meeting_of(
 
 
 def similarity_to(ones: Sequence[Side], other: Side, parameters: MergeParameters) -> float:
-    """How much a walk resembles others of its frame on common ground, relative to the usual.
+    """How similar a walk is to others of its frame on common ground, relative to the usual.
 
     Zero without common ground.
     """
@@ -173,7 +173,7 @@ def links_between(one: Side, other: Side, parameters: MergeParameters) -> Closur
 
 
 def short_scores(one: F32, other: F32, parameters: MergeParameters) -> F32:
-    """How alike footsteps are (n, m), averaged over a few that follow each other."""
+    """How similar footsteps are (n, m), averaged over a few that follow each other."""
     return sequence_mean(one @ other.T, parameters.alignment.short_sequence, AGAIN)
 
 
@@ -184,7 +184,7 @@ def middles(poses: F64) -> F64:
 
 
 def usual_of(sides: Sequence[Side]) -> float:
-    """How much these walks resemble themselves, typically."""
+    """How similar these walks are to themselves, typically."""
     return float(np.exp(np.mean(np.log([side.usual for side in sides]))))
 
 

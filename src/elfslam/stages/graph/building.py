@@ -26,7 +26,7 @@ class GraphParameters:
         0.99, "", "closures with a residual beyond this quantile are outliers", 0.5, 0.9999
     )
     agreeing_probability: float = parameter(
-        0.9, "", "closures of a further sense beyond this quantile are left out", 0.1, 1.0
+        0.9, "", "closures of a later modality beyond this quantile are left out", 0.1, 1.0
     )
     run_reach: int = parameter(
         10, "footsteps", "closures this near each other may belong to one run", 1, 1_000

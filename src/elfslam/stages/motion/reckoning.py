@@ -1,4 +1,4 @@
-"""Pedestrian dead reckoning: footsteps, their lengths and headings, and a pose for each."""
+"""Pedestrian dead reckoning: step detection, step lengths, headings, and a pose for each."""
 
 from __future__ import annotations
 
