@@ -31,6 +31,7 @@ BOUNDS = Bounds(
 SERVER = """
 import sys
 from elfslam.serve.parsing.children import Children
+from tests.serve.parsing.test_children import BOUNDS, PARSER
 Children().parse(PARSER, BOUNDS, what="wait", place=sys.argv[1])
 """
 
