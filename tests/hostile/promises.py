@@ -93,7 +93,7 @@ PROMISES = (
             "base/test_arrays.py",
             "stages/test_floor_plan_alignment.py",
             "stages/test_motion.py",
-            "slam/test_straightening.py",
+            "slam/test_pipeline.py",
         ),
     ),
     Promise("phyphox without gravity", "never guessed by words", ("data/test_phyphox.py",)),
