@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from itertools import accumulate
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 from rich.box import SIMPLE_HEAD
@@ -20,7 +20,9 @@ from rich.table import Table
 
 from elfslam.base.errors import ElfslamError, NoAnswerError, ParameterError
 from elfslam.base.extras import extra_with, installing
-from elfslam.base.values import Announce
+
+if TYPE_CHECKING:
+    from elfslam.base.values import Announce
 
 DONE, NO_ANSWER, BAD_INPUT, CLOSED_PIPE, INTERRUPTED = 0, 1, 2, 1, 130
 EXPLAINED = (ElfslamError, OSError, MemoryError, ModuleNotFoundError, UnicodeEncodeError)

@@ -169,7 +169,7 @@ def test_two_changes_at_once_are_not_both_made(
     folder = copy("ivf-flat")
     from elfslam.serve.nearest import build
 
-    first = build.read_meta(folder)
+    first = build.disk.read_meta(folder)
     add_map(folder, "one", rows[:5], encoder="elf-1")
     monkeypatch.setattr(build.disk, "read_meta", lambda _: first)
     with pytest.raises(StoreError, match="changed by another"):
