@@ -22,7 +22,7 @@ def command(out: Path, *options: str) -> int:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--on", "nobody"), "--on nobody: wanted a number of processes, ray or ray://"),
+        (("--on", "nobody"), "on nobody: wanted a number of processes, ray or ray://"),
         (("--on", "ray://127.0.0.1:9"), "no cluster answers"),
     ],
 )

@@ -225,5 +225,5 @@ def _place(text: str) -> Origin:
     try:
         return parse_origin(text)
     except ParameterError as error:
-        said = str(error).removeprefix("origin ").replace("[,BEARING_DEG]", "")
+        said = str(error).replace("origin", "at", 1).replace("[,BEARING_DEG]", "")
         raise ParameterError(said, argument="at") from error

@@ -168,7 +168,7 @@ def test_refusals_in_one_line(elfslam: Elfslam, map_folder: Path, tmp_path: Path
     for arguments, said in (
         (("publish", "nowhere", *spot, "--at", "47,8"), "neither the folder of a map nor the id"),
         (("publish", "0" * 32, *spot, "--at", "47,8"), "is not on this server"),
-        (("publish", map_folder, *spot, "--at", "95,8"), "--at '95,8': wanted LAT,LON"),
+        (("publish", map_folder, *spot, "--at", "95,8"), "at '95,8': wanted LAT,LON"),
         (("publish", map_folder, "--building", " ", "--floor", 0, "--at", "47,8"), "wanted some"),
         (("publish", tmp_path, *spot, "--at", "47,8"), "has no encoder.onnx"),
         (("publish", map_folder, *spot, "--at", "47,8", "--heard", map_folder), "has no wifi.csv"),

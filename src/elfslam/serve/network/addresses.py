@@ -89,7 +89,7 @@ def checked_hosts(host: str | None, *, allow_public: bool) -> list[str]:
         raise InputError(
             f"{host}: {public[0]} may be reached from outside the local network; choose a local "
             "address, or allow public ones",
-            argument="host",
+            argument="allow_public",
         )
     return list(dict.fromkeys(found))
 
