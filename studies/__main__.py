@@ -60,7 +60,7 @@ def study(
         for each in names:
             rows.append(sample_study(each, choice, sample))
             say(str(rows[-1]))
-        print_rows(rows, title="Seconds a repeat, hours on two cores", as_json=as_json)
+        print_rows(rows, title="Processor seconds a repeat, hours on two cores", as_json=as_json)
         return
     if name != "all" and not fast:
         say(f"{name}: about {study_named(name).minutes:g} min on two cores")

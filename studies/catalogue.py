@@ -110,7 +110,7 @@ def run_study(name: str, choice: Choice, announce: Announce) -> list[Result]:
 
 
 def sample_study(name: str, choice: Choice, count: int) -> dict[str, object]:
-    """What some repeats of a long study take on one core, and what all of it would on two.
+    """Processor time of some repeats of a long study, and what all of it takes on two cores.
 
     Raises InputError for a study that is not long, and as `run_study` does.
     """

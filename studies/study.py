@@ -100,7 +100,7 @@ Units = dict[str, dict[str, Any]]
 
 @dataclass
 class SampledError(Exception):
-    """What some repeats of a long study took, twice each, and how many it has; nothing is kept."""
+    """Processor seconds of a repeat of a long study, of its repetition, and how many it has."""
 
     first_s: float
     again_s: float
@@ -134,7 +134,7 @@ def finished(
 def _sampled(
     measure: Callable[[Task], Sequence[Record]], tasks: Sequence[Task], count: int
 ) -> SampledError:
-    """The seconds of tasks spread over all: with the cache as it was, and with what that left."""
+    """Of tasks spread over all: with the cache as it was, and with what that left there."""
     chosen = [tasks[(2 * k + 1) * len(tasks) // (2 * count)] for k in range(count)]
     first_s, again_s = _mean_s(measure, chosen), _mean_s(measure, chosen)
     return SampledError(first_s, again_s, len(tasks))
@@ -142,9 +142,9 @@ def _sampled(
 
 def _mean_s(measure: Callable[[Task], Sequence[Record]], tasks: Sequence[Task]) -> float:
     def seconds(task: Task) -> float:
-        begun_s = time.monotonic()
+        begun_s = time.process_time()
         measure(task)
-        return time.monotonic() - begun_s
+        return time.process_time() - begun_s
 
     return mean(seconds(task) for task in tasks)
 
