@@ -35,7 +35,7 @@ test-hostile: $(VENV)/.installed-test $(VENV)/.kernels
 headline: $(VENV)/.installed-test $(VENV)/.kernels
 	$(BIN)/python -m studies.headline
 
-# How much of the line its own tests reach.
+# How much of the pipeline its own tests reach.
 coverage: $(VENV)/.installed-test $(VENV)/.kernels
 	$(PYTEST) -m "not hostile" tests/base tests/stages tests/slam \
 		--cov --cov-report=term:skip-covered --cov-report=json:$(VENV)/coverage.json
