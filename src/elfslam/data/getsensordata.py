@@ -63,7 +63,7 @@ class Records:
 def read_getsensordata(path: Path) -> log_files.Imported:
     """The walk in a log; t = 0 is its first acceleration, x east and y north of the first landmark.
 
-    Landmarks on another floor than most are left out: the line knows one plane. Raises
+    Landmarks on another floor than most are left out: the pipeline knows one plane. Raises
     InputError where the file is no such log or lacks motion.
     """
     lines = _lines(path)

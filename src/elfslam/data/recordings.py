@@ -289,7 +289,7 @@ def _check_chirp(file: Path, given: object, wanted: ChirpParameters) -> None:
     for name, value in _described(wanted).items():
         if name in given and not _same(given[name], value):
             raise InputError(
-                f"{file}: chirp.{name} is {given[name]!r:.60}, the line listens for {value!r}; "
+                f"{file}: chirp.{name} is {given[name]!r:.60}, the pipeline listens for {value!r}; "
                 "set the chirp parameters to what was played, or record again"
             )
 

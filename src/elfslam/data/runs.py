@@ -89,7 +89,7 @@ def read_run(folder: Path) -> values.Run:
 def digest_of(path: Path) -> str:
     """SHA-256 over the names and contents of a recording's files, the same for its .zip.
 
-    The truth is left out: nothing that the line states may depend on it. Raises InputError.
+    The truth is left out: nothing that the pipeline states may depend on it. Raises InputError.
     """
     total = hashlib.sha256()
     with recording_folder(path) as folder:

@@ -47,10 +47,10 @@ SOFTEST_DB = 20.0
 WARMTH_C = 1.5
 """Standard deviation of the room's temperature from day to day."""
 DRAWN_C = 20.0
-"""As the world was drawn, where it tells no temperature: the one that the line assumes."""
+"""As the world was drawn, where it tells no temperature: the one that the pipeline assumes."""
 INDOORS_C = (17.0, 26.0)
 OFF_C = 0.5
-"""At least by so much a lived-in room is warmer or colder than the line assumes."""
+"""At least by so much a lived-in room is warmer or colder than assumed."""
 MOVED_PER_DAY = 1 / 60
 """Share of the low furniture that is no longer in its place after a day; half of it at most."""
 MOVED_M = 0.06

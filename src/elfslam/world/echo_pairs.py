@@ -382,7 +382,7 @@ def _within(generator: np.random.Generator, count: int, radius_m: float) -> F64:
 def cut_frames(generator: np.random.Generator, frames: F32, device: Device) -> F32:
     """Echo traces (n, 2352) of frames (n, k) at 44.1 kHz that begin with their chirps.
 
-    With the phone's noise, and as the line cuts them: with the jitter of its direct-path search.
+    With the phone's noise, and cut as the pipeline does: with jitter of its direct-path search.
     """
     noise = generator.standard_normal(frames.shape, dtype=np.float32)
     noise *= np.float32(device.noise_rms)
