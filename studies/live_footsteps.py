@@ -129,7 +129,7 @@ SCRIPT = Path(__file__).with_suffix(".mjs")
 
 
 def in_node(verb: str, given: dict[str, Any]) -> Any:
-    """What a verb of page_motion.mjs says. Raises InputError where node is not installed."""
+    """What a verb of live_footsteps.mjs says. Raises InputError where node is not installed."""
     if shutil.which("node") is None:
         raise InputError("node is missing; the page's modules run in it (Debian: nodejs)")
     with tempfile.TemporaryDirectory() as folder:

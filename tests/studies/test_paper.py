@@ -40,7 +40,7 @@ def test_a_recipe_is_trained_once_and_another_anew(
         file.touch()
         trained.append(file)
 
-    monkeypatch.setattr(paper, "finished", lambda *_: [])
+    monkeypatch.setattr(paper, "per_walk", lambda *_: [])
     monkeypatch.setattr("studies.paper_training.pretrain_as_in_paper", train)
     context = StudyContext(kept=tmp_path / "paper.partial")
     for steps in (2, 2, 3):

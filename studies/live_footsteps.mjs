@@ -1,4 +1,4 @@
-// The page's motion and growing map in node: `node page_motion.mjs VERB GIVEN.json` prints JSON.
+// The page's motion and growing map in node: `node live_footsteps.mjs VERB GIVEN.json` prints JSON.
 
 import { readFileSync } from "node:fs";
 
