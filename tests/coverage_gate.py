@@ -27,7 +27,7 @@ def core_coverage(report: dict) -> float:  # type: ignore[type-arg]
 
 def main() -> int:
     percent = core_coverage(json.loads(Path(sys.argv[1]).read_text()))
-    print(f"base, stages and slam: {percent:.1f} % of lines and branches (wanted {LEAST_PERCENT:g} %)")
+    print(f"base, stages, slam: {percent:.1f} % of lines and branches (wanted {LEAST_PERCENT:g} %)")
     return 0 if percent >= LEAST_PERCENT else 1
 
 
