@@ -93,6 +93,17 @@ def agreement(graph: PoseGraph, poses: F64, kept: Bool, parameters: GraphParamet
     return squared
 
 
+def left_out_squared(closures: PoseGraph, poses: F64, known: MarginalCovariances) -> F64:
+    """Squared Mahalanobis length (k) of each believed closure against what all the rest predicts.
+
+    What the closure itself bent towards it is taken out of its residual's covariance.
+    """
+    predicted = predicted_covariance(known, poses, closures.edges, closures.measurements)
+    own = covariance_of_edges(closures)
+    residual = residuals(poses, closures.edges, closures.measurements)
+    return chi_square(residual, own - predicted + LEAST_SHARE * own)
+
+
 def known_at(graph: PoseGraph, poses: F64, asked: I64, anchor_sigma: float) -> MarginalCovariances:
     """Marginal covariances at `poses`, of every neighbour and of the pairs (k, 2) asked about."""
     pattern = pattern_of(np.vstack([graph.edges, asked]), len(poses))
