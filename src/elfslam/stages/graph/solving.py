@@ -56,7 +56,9 @@ from elfslam.stages.graph.uncertainty import (
     scale_covariance,
     second_order_inflated,
     settle,
+    steady_drift,
     with_own_noise,
+    without_drift,
 )
 
 if TYPE_CHECKING:
@@ -368,6 +370,10 @@ def solve(graph: PoseGraph, start: F64, parameters: GraphParameters) -> F64:
     """
     import gtsam
 
+    if graph.drift_turn_rad is not None:
+        pattern = pattern_of(graph.edges, len(start))
+        start, _ = settle(graph, start, pattern, parameters.anchor_sigma, parameters.iterations)
+        graph = without_drift(graph, steady_drift(graph, start))
     problem = as_gtsam(graph, parameters.anchor_sigma)
     settings = gtsam.LevenbergMarquardtParams()
     settings.setMaxIterations(parameters.iterations)
