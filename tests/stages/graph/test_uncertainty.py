@@ -18,13 +18,17 @@ from elfslam.stages.graph.building import edges_of
 from elfslam.stages.graph.solving import as_gtsam, as_values, solve
 from elfslam.stages.graph.uncertainty import (
     covariance_of,
+    equations_at,
     half_square,
+    jacobians,
     marginal_covariances,
     predicted_covariance,
     residuals,
     settle,
+    steady_drift,
     variance_factors,
     with_own_noise,
+    without_drift,
 )
 
 ANCHOR = 1e-3
@@ -243,3 +247,48 @@ def test_a_walk_without_closures_has_no_verdict() -> None:
 
 def test_a_verdict_says_itself_in_a_line() -> None:
     assert str(Verdict(9, 8, 3, 0, 0.99)).startswith("8 of 9 believed closures and 0 of 3 rej")
+
+
+BIAS_RADPS = 0.03
+
+
+def turned_steadily(seed: int) -> tuple[PoseGraph, F64]:
+    """The laps, by a heading that drifts all along as a gyroscope's bias makes it, said so."""
+    graph, truth = walked(seed, TRUE_SIGMA)
+    drift_turn_rad = np.where(graph.is_closure, 0.0, 0.5 * BIAS_RADPS)
+    moves = graph.measurements + [0.0, 0.0, 1.0] * drift_turn_rad[:, None]
+    initial = chain(truth[0], moves[~graph.is_closure])
+    return dataclasses.replace(
+        graph, initial=initial, measurements=moves, drift_turn_rad=drift_turn_rad
+    ), truth
+
+
+def test_a_steady_drift_is_found_and_the_map_is_straight() -> None:
+    graph, truth = turned_steadily(3)
+    without = dataclasses.replace(graph, drift_turn_rad=None)
+    found, bent = (solve(each, each.initial, PARAMETERS) for each in (graph, without))
+    assert steady_drift(graph, found) == pytest.approx(-1.0, abs=0.05)
+    off_m = [np.abs(poses[:, :2] - truth[:, :2]).max() for poses in (found, bent)]
+    assert off_m[0] < 1.0 < off_m[1]
+
+
+def test_the_drift_widens_covariances_as_a_state_of_its_own_does() -> None:
+    graph, _ = turned_steadily(4)
+    poses = solve(graph, graph.initial, PARAMETERS)
+    pattern = pattern_of(graph.edges, len(poses))
+    known = marginal_covariances(equations_at(graph, poses, pattern, ANCHOR))
+    straight = without_drift(graph, steady_drift(graph, poses))
+    residual, near, far = jacobians(poses, graph.edges, straight.measurements)
+    size = 3 * len(poses)
+    rows = np.zeros((len(graph.edges), 3, size + 1))
+    for edge, (i, j) in enumerate(graph.edges):
+        rows[edge, :, 3 * i : 3 * i + 3], rows[edge, :, 3 * j : 3 * j + 3] = near[edge], far[edge]
+    step = 1e-6
+    more = without_drift(straight, step)
+    rows[:, :, -1] = (residuals(poses, graph.edges, more.measurements) - residual) / step
+    normal = np.einsum("eax,eab,eby->xy", rows, graph.information, rows)
+    normal[range(3), range(3)] += ANCHOR**-2
+    normal[-1, -1] += 1.0
+    dense = np.linalg.inv(normal)[:size, :size].reshape(len(poses), 3, len(poses), 3)
+    i, j = graph.edges.T
+    npt.assert_allclose(covariance_of(known, i, j), dense[i, :, j, :], rtol=1e-3, atol=1e-8)

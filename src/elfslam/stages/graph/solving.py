@@ -364,21 +364,21 @@ def solving(graph: PoseGraph) -> Iterator[None]:
 
 
 def solve(graph: PoseGraph, start: F64, parameters: GraphParameters) -> F64:
-    """Levenberg-Marquardt from a start (n, 3).
+    """Levenberg-Marquardt from a start (n, 3), then Gauss-Newton with the drift of the heading.
 
     Raises RuntimeError or ValueError, as GTSAM says it, where the edges are degenerate.
     """
     import gtsam
 
-    if graph.drift_turn_rad is not None:
-        pattern = pattern_of(graph.edges, len(start))
-        start, _ = settle(graph, start, pattern, parameters.anchor_sigma, parameters.iterations)
-        graph = without_drift(graph, steady_drift(graph, start))
-    problem = as_gtsam(graph, parameters.anchor_sigma)
+    problem = as_gtsam(without_drift(graph, steady_drift(graph, start)), parameters.anchor_sigma)
     settings = gtsam.LevenbergMarquardtParams()
     settings.setMaxIterations(parameters.iterations)
     solved = gtsam.LevenbergMarquardtOptimizer(problem, as_values(start), settings).optimize()
-    return as_poses(solved, len(graph.initial))
+    poses = as_poses(solved, len(graph.initial))
+    if graph.drift_turn_rad is None:
+        return poses
+    pattern = pattern_of(graph.edges, len(poses))
+    return settle(graph, poses, pattern, parameters.anchor_sigma, parameters.iterations)[0]
 
 
 def as_gtsam(graph: PoseGraph, anchor_sigma: float) -> gtsam.NonlinearFactorGraph:

@@ -242,17 +242,19 @@ def settle(
 ) -> tuple[F64, Equations]:
     """Gauss-Newton: poses after at most `steps` from a start nearby, and the equations there.
 
-    It ends as the Newton decrement, half of gradient times step, promises next to nothing.
+    A step that raises the cost is halved. It ends as the Newton decrement, half of gradient times
+    step, promises next to nothing.
     """
     equations = equations_at(graph, poses, pattern, anchor_sigma)
+    step = equations.step()
     for _ in range(steps):
-        step = equations.step()
         if np.vdot(equations.gradient, step) / 2 < SETTLED * equations.cost:
             break
         moved = equations_at(graph, compose(poses, -step), pattern, anchor_sigma)
         if moved.cost >= equations.cost:
-            break
-        poses, equations = compose(poses, -step), moved
+            step = step / 2
+        else:
+            poses, equations, step = compose(poses, -step), moved, moved.step()
     return poses, equations
 
 
