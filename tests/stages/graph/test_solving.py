@@ -17,7 +17,7 @@ from elfslam.base.errors import NoAnswerError
 from elfslam.base.geometry import between, chain, compose, wrap_angle
 from elfslam.base.values import Closures, Odometry, PoseGraph, Trajectory
 from elfslam.data.map_exports import read_g2o
-from elfslam.stages.graph import GraphParameters, build_graph, optimise
+from elfslam.stages.graph import GraphParameters, build_graph, optimise, solving
 
 ROBUST = GraphParameters(noise_rounds=0)
 PLAIN = GraphParameters(robust=False, noise_rounds=0)
@@ -181,6 +181,24 @@ def test_false_closures_are_rejected_and_true_ones_kept(
     assert position_error_m(plain.world_from_body, clean.world_from_body) > 0.5
     npt.assert_array_equal(plain.closure_weights, 1.0)
     npt.assert_allclose(robust.covariance, clean.covariance, rtol=0.05, atol=1e-6)
+
+
+def test_clusters_that_can_all_be_true_are_accepted_together(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Many meetings of a long walk in few rounds: each round solves the graph."""
+    truth = chain(np.zeros(3), square_moves(30))
+    i = np.concatenate([np.arange(4) + k for k in range(0, len(truth) - LAP - 4, 20)])
+    found, rounds = closures(i, i + LAP, np.zeros((len(i), 3))), []
+    settled = solving._settled
+    monkeypatch.setattr(solving, "_settled", lambda *all_: rounds.append(1) or settled(*all_))
+    moves = square_moves(30) + np.random.default_rng(0).normal(0, SIGMA, (30 * LAP, 3))
+    nodes = Odometry(
+        0.5 * np.arange(len(truth)), chain(truth[0], moves), np.tile(SIGMA, (30 * LAP, 1))
+    )
+    solved = solve(nodes, found, ROBUST)
+    assert (solved.closure_weights > 0.5).all()
+    assert len(rounds) < 10 < len(i) / 4
 
 
 def test_when_every_closure_is_rejected_the_status_says_so(truth: F64) -> None:
