@@ -15,7 +15,6 @@ from elfslam.world.circumstances import Circumstances, room_on
 from elfslam.world.kinds import PEOPLE
 from elfslam.world.materials import Material, material
 from elfslam.world.phone import image_echoes
-from elfslam.world.plan import hides, look, make_sight
 from elfslam.world.pulses import BASEBAND_HZ
 from elfslam.world.room import Block, Room, fault_of_route, shoebox
 from elfslam.world.scattering import as_measured
@@ -97,14 +96,6 @@ def test_leaves_are_blocks_where_their_ends_are(turn_rad: float) -> None:
 # --- sound ---
 
 
-def test_a_shut_door_hides_what_is_behind_it_and_an_open_one_does_not() -> None:
-    for is_open in (True, False):
-        scene = scene_of(opened(door_of(), divided(), is_open=is_open))
-        sight = make_sight(len(scene.block_low))
-        look(scene, sight, *PHONE_M, 20.0)
-        assert hides(scene, NOBODY, sight, *BEHIND_M) is not is_open
-
-
 def test_a_mirror_beyond_an_opening_is_heard_while_its_door_is_open() -> None:
     gap, wide, shut = (
         after_m(room, EAST_M)
@@ -117,12 +108,6 @@ def test_a_mirror_beyond_an_opening_is_heard_while_its_door_is_open() -> None:
     assert gap > 0.01
     assert wide == pytest.approx(gap)
     assert shut < 1e-3 * gap
-
-
-def test_a_leaf_mirrors_where_it_stands() -> None:
-    """Shut, it lies 1.48 m before the phone; the gap itself returns nothing."""
-    assert after_m(divided(), 2 * 1.48) < 1e-6
-    assert after_m(opened(door_of(), divided(), is_open=False), 2 * 1.48) > 0.1
 
 
 def test_a_door_in_an_outer_wall_is_the_wall_while_it_is_shut() -> None:
@@ -292,15 +277,9 @@ def test_a_door_is_as_high_as_the_ceiling_at_most() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "mark", "complaint"),
     [
-        ("leaves = 2", "leaves = 3", "leaves", "leaves is 3, wanted a whole number from 1 to 2"),
         ("to_m = [6.1, 0.0]", "to_m = [3.5, 0.0]", "to_m = [3.5", "wanted 0.4 to 2; move an end"),
         ("to_m = [6.1, 0.0]", "to_m = [7.5, 0.0]", "to_m = [7.5", "its leaf is 0.20 m wide"),
-        ("height_m = 2.0", "height_m = 2.6", "height_m", "wanted a number from 0.4 to 2.5"),
-        ("open_deg = -80.0", "open_deg = 200.0", "open_deg = 200", "number from -180 to 180"),
-        ('"glass"', '"glas"', "material", "did you mean 'glass'?"),
-        ("open_deg = -80.0", "opens_deg = -80.0", "opens_deg", "did you mean 'open_deg'?"),
         ('name = "exit"', 'name = "inner"', 'name = "inner"\nfrom_m = [7.9', "is taken; give each"),
-        ('name = "exit"', 'name = "shelf"', 'name = "shelf"\nfrom_m = [7.9', "is taken; give each"),
         ("to_m = [3.0, 2.5]\nopen", "to_m = [3.0, 2.2]\nopen", "from_m = [3.0, 1.5]",
          "'inner' ends at [3.0, 2.2], 0.15 m or more from any wall or piece; move that end"),
         ("from_m = [3.0, 1.5]\nto_m = [3.0, 2.5]", "from_m = [3.0, 0.3]\nto_m = [3.0, 1.3]",
