@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 import elfslam
 from elfslam.base.arrays import F64
@@ -307,20 +308,8 @@ def _inner_point(polygon: Polygon) -> F64:
 
 
 def _hull(points: F64, margin_m: float) -> F64:
+    """The convex hull of points (n, 2) with a margin, counter-clockwise."""
     turns = np.arange(8) * np.pi / 4
     around = margin_m * np.column_stack([np.cos(turns), np.sin(turns)])
-    spread = np.unique((points[:, None, :] + around).reshape(-1, 2), axis=0)
-    return np.array([*_half_hull(spread), *_half_hull(spread[::-1])])
-
-
-def _half_hull(points: F64) -> list[F64]:
-    """The right-hand side of the hull of sorted points, without the last one (monotone chain)."""
-    chain: list[F64] = []
-    for point in points:
-        while len(chain) > 1:
-            along, to = chain[-1] - chain[-2], point - chain[-2]
-            if along[0] * to[1] - along[1] * to[0] > 1e-12:
-                break
-            chain.pop()
-        chain.append(point)
-    return chain[:-1]
+    spread = (points[:, None, :] + around).reshape(-1, 2)
+    return np.asarray(spread[ConvexHull(spread).vertices])
