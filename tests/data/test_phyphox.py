@@ -200,8 +200,6 @@ def in_the_middle(cell: str) -> str:
     [
         (lambda: without("Gyroscope.csv"), "has no columns of a gyroscope"),
         (lambda: changed("Gyroscope.csv", in_the_middle("NaN")), r"Gyroscope\.csv: row 6 has NaN"),
-        (lambda: changed("Gyroscope.csv", in_the_middle("x")), r"Gyroscope\.csv: row 6 has 'x'"),
-        (lambda: changed("Gyroscope.csv", in_the_middle("1e400")), r"row 6 has '1e400'"),
         (lambda: changed("Gyroscope.csv", in_the_middle("1e9")), r"has 1e\+09 in Gyroscope"),
         (lambda: changed("Gyroscope.csv", files()["Gyroscope.csv"][:-30]), "row 61 has"),
         (lambda: changed("Gyroscope.csv", ""), "is empty"),
@@ -290,9 +288,7 @@ def test_every_buffer_of_the_experiment_is_declared_and_exported() -> None:
 
 LANGUAGES = {
     "French": ("Temps (s)", "Accéléromètre", "Accélération selon", "Accélération linéaire"),
-    "Italian": ("Tempo (s)", "Accelerometro", "Accelerazione", "Accelerazione"),
     "Japanese": ("時間 (s)", "加速度計", "加速度", "線形加速度"),
-    "Chinese": ("时间\uff08s\uff09", "加速度传感器", "加速度", "加速度"),
     "German": ("Zeit (s)", "Beschleunigungssensor", "Beschleunigung", "Lineare Beschleunigung"),
 }
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from planted_blocks import loaded
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import Emr, Magnetometer, Recording, Truth, WifiScans
@@ -143,7 +144,7 @@ def test_another_grade_and_another_way_to_scan(studio: World) -> None:
 
 @pytest.mark.parametrize("name", world_names())
 def test_built_in_worlds_have_something_for_every_sensor(name: str) -> None:
-    world = load_world(name)
+    world = loaded(name)
     recording = simulate(world, 0, rounds=1, sound=False, sensors=list(Sensor))[0]
     assert world.surroundings is not None
     assert recording.wifi is not None

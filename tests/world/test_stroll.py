@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from planted_blocks import loaded
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import ParameterError
@@ -237,7 +238,7 @@ def test_whoever_walks_outside_a_bend_takes_more_steps_and_not_longer_ones(lane_
 
 @pytest.mark.parametrize(("world", "lane_m"), [("studio", 0.3), ("office", 0.5), ("mall", 0.8)])
 def test_the_larger_the_room_the_wider_the_lanes(world: str, lane_m: float) -> None:
-    assert lane_of(load_world(world).room) == lane_m
+    assert lane_of(loaded(world).room) == lane_m
     assert lane_m in [lane for _, lane in LANES_M]
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from planted_blocks import loaded
 
 from elfslam.base.errors import InputError
 from elfslam.base.grid import in_ring
@@ -199,7 +200,7 @@ def reflections(room: Room) -> list[float]:
 
 
 def test_the_evaluation_worlds_stay_as_they_are() -> None:
-    living_room, office = load_world("living_room"), load_world("office")
+    living_room, office = loaded("living_room"), loaded("office")
     assert living_room.room.size_m.tolist() == [10.0, 6.0, 2.7]
     assert office.room.size_m.tolist() == [24.0, 15.0, 3.0]
     assert reflections(living_room.room) == [0.78, 0.84, 0.87, 0.86, 0.55, 0.85]
@@ -230,7 +231,7 @@ def area_m2(room: Room) -> float:
 def test_a_built_in_world_can_be_walked(
     name: str, size_m2: float, blocks: int, spots: int, states: int
 ) -> None:
-    world = load_world(name)
+    world = loaded(name)
     assert world.name == name
     assert area_m2(world.room) == pytest.approx(size_m2)
     assert (len(world.room.blocks), len(world.spots_m)) == (blocks, spots)
@@ -244,7 +245,7 @@ def test_a_built_in_world_can_be_walked(
 
 def test_each_state_moves_five_pieces() -> None:
     for name in world_names():
-        world = load_world(name)
+        world = loaded(name)
         assert world.states
         for state in world.states.values():
             here = {block.name: block for block in world.room.blocks}
