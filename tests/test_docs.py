@@ -210,22 +210,3 @@ def test_the_readme_has_no_typed_result() -> None:
 )
 def test_the_gate_notices_commands(text: str, found: list[str]) -> None:
     assert list(unknown_commands(text)) == found
-
-
-def test_the_gate_notices_imports() -> None:
-    text = "```python\nfrom elfslam.slam.pipeline import locate, no_such\n```\n"
-    assert list(unknown_imports(text)) == ["elfslam.slam.pipeline.no_such"]
-
-
-def test_the_gate_notices_parameters_and_files() -> None:
-    text = "`closure.treshold`, `--set locate.cold=1`, `track.jump`, `base/no.py`, `base/enums.py`"
-    assert {*unknown_parameters(text)} == {"closure.treshold", "locate.cold"}
-    assert [*missing_files(text)] == ["base/no.py"]
-
-
-def test_the_gate_notices_links(tmp_path: Path) -> None:
-    page = tmp_path / "page.md"
-    page.write_text(
-        "# A page: with `code`\n[a](#a-page-with-code) [b](#b) [c](c.md) [d](page.md)\n"
-    )
-    assert list(dead_links(page)) == ["#b", "c.md"]

@@ -143,17 +143,15 @@ def test_the_same_seed_gives_the_same_bytes(
     assert other.checks != one.checks or other.encoder.content != one.encoder.content
 
 
-@pytest.mark.parametrize(
-    ("card", "words"), [(Card("Encoder: known", metrics={"a": 1.0}), "known"), (None, "no card")]
-)
 def test_its_card_adds_the_fine_tuning_to_that_of_the_parent(
-    card: Card | None, words: str, encoder: OnnxEncoder, echoes: Echoes
+    encoder: OnnxEncoder, echoes: Echoes
 ) -> None:
+    card = Card("Encoder: known", metrics={"a": 1.0})
     parent = OnnxEncoder(encoder_content(network_of(encoder.content), card), "parent")
     child = finetune(parent, echoes, TOY, seed=0)
     found = child.encoder.card
     assert found is not None
-    assert words in found.text
+    assert "known" in found.text
     assert found.metrics == {}, "figures of the parent are not its own"
     (made,) = found.finetunings
     assert (made.parent, made.seed, made.echoes) == (parent.identity, 0, ROUND * ROUNDS)
@@ -171,12 +169,6 @@ def test_what_was_fine_tuned_twice_says_so(tuned: Finetuned, echoes: Echoes) -> 
     assert second is not None
     assert second.finetunings[: len(first.finetunings)] == first.finetunings
     assert len(second.finetunings) == len(first.finetunings) + again.changed
-
-
-def test_rows_stay_row_by_row(echoes: Echoes, tuned: Finetuned) -> None:
-    whole = tuned.encoder.embed(echoes.samples[:20])
-    alone = np.concatenate([tuned.encoder.embed(echoes.samples[k : k + 1]) for k in range(20)])
-    np.testing.assert_allclose(alone, whole, atol=1e-5)
 
 
 def test_where_it_hurts_the_encoder_is_kept(encoder: OnnxEncoder, echoes: Echoes) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 import torch
-from planted_training import toy_pairs, traces
+from planted_training import traces
 from torch import nn
 
 from elfslam.base.arrays import F64, I64
@@ -29,8 +29,6 @@ from elfslam.learn.network import (
     with_components,
 )
 from elfslam.learn.onnx_files import encoder_content, export_encoder, network_of
-from elfslam.learn.parameters import PretrainParameters
-from elfslam.learn.pretrain import pretrain
 from elfslam.stages.feature import FIRST_BIN, OnnxEncoder, load_encoder, spectrogram
 
 NETWORKS: dict[str, Callable[[], nn.Module]] = {
@@ -133,11 +131,6 @@ def test_time_is_not_averaged_away(network: nn.Module) -> None:
     assert float(one[0] @ other[0]) < 0.999
 
 
-def test_the_width_sets_the_size() -> None:
-    small, large = (sum(p.numel() for p in CompactEncoder(w).parameters()) for w in (8, 24))
-    assert small < large < 500_000
-
-
 @pytest.fixture(scope="module")
 def resnet() -> ResNetEncoder:
     torch.manual_seed(0)
@@ -170,22 +163,6 @@ def test_its_file_is_read_by_the_line(resnet: ResNetEncoder, tmp_path: Path) -> 
     np.testing.assert_allclose(encoder.embed(samples.numpy()), expected, atol=1e-4)
     one = encoder.embed(samples[:1].numpy())
     np.testing.assert_allclose(one, expected[:1], atol=1e-4)
-
-
-def test_pretraining_takes_it(tmp_path: Path) -> None:
-    losses: list[float] = []
-    resnet = pretrain(
-        lambda step: toy_pairs(0),
-        PretrainParameters(
-            network="resnet18", steps=5, pairs=8, warmup_steps=1, learning_rate=1e-3, threads=1
-        ),
-        seed=0,
-        checkpoint=tmp_path / "training.pt",
-        report=lambda progress: losses.append(progress.loss),
-    ).network
-    assert isinstance(resnet, ResNetEncoder)
-    assert not resnet.training
-    assert losses[-1] < 0.7 * losses[0]
 
 
 PLACES = 3

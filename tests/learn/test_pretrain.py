@@ -26,7 +26,6 @@ from elfslam.learn.pretrain import (
     PairsOf,
     Pretrained,
     build_network,
-    embedded,
     pair_loss,
     pretrain,
     training_device,
@@ -97,32 +96,6 @@ def test_what_was_learnt_holds_for_places_never_seen(tmp_path: Path) -> None:
     assert learnt < 0.75 * guessed
 
 
-def test_the_same_seed_gives_the_same_encoder(tmp_path: Path) -> None:
-    folders = [tmp_path / name for name in "abc"]
-    for folder in folders:
-        folder.mkdir()
-    first, again, other = (
-        run(folder, seed=seed) for folder, seed in zip(folders, (1, 1, 2), strict=True)
-    )
-    assert same_weights(first, again)
-    assert not same_weights(first, other)
-
-
-def test_a_killed_run_goes_on_where_it_was(tmp_path: Path) -> None:
-    """Two steps, a kill, and two more: bit for bit the four steps in one go."""
-    straight, broken = tmp_path / "straight", tmp_path / "broken"
-    straight.mkdir()
-    broken.mkdir()
-    whole = run(straight)
-    with pytest.raises(KilledError):
-        run(broken, report=killed_after(2))
-    steps: list[int] = []
-    resumed = run(broken, report=lambda progress: steps.append(progress.step))
-    assert steps == [3, 4]
-    assert same_weights(whole, resumed)
-    assert not list(tmp_path.rglob("*.partial"))
-
-
 def test_a_killed_process_changes_no_bit_of_the_weights(tmp_path: Path) -> None:
     checkpoint = tmp_path / "killed.pt"
     died = subprocess.run([sys.executable, PROGRAM, str(checkpoint)], check=False)
@@ -175,16 +148,6 @@ def test_on_a_processor_it_is_the_plain_training_bit_for_bit(tmp_path: Path) -> 
     made = trained(tmp_path, seed=2)
     assert made.arithmetic == "float32"
     assert same_weights(made.network, by_hand(TINY, 2))
-
-
-def test_on_a_processor_the_network_computes_as_it_is() -> None:
-    torch.manual_seed(0)
-    network, batch = CompactEncoder(4), toy_pairs(0)
-    both = torch.from_numpy(np.concatenate([batch.first, batch.second]))
-    with torch.no_grad():
-        rows = embedded(network.eval(), batch)
-        assert torch.equal(rows, network(both))
-    assert rows.dtype == torch.float32
 
 
 def test_the_network_is_the_named_one() -> None:
@@ -250,14 +213,6 @@ def test_a_damaged_checkpoint_is_refused(tmp_path: Path, content: bytes) -> None
     with pytest.raises(StoreError, match=r"training\.pt: not a checkpoint of this network; delete"):
         run(tmp_path)
     assert (tmp_path / "training.pt").read_bytes() == content
-
-
-def test_the_first_half_of_a_checkpoint_is_refused(tmp_path: Path) -> None:
-    run(tmp_path)
-    path = tmp_path / "training.pt"
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    with pytest.raises(StoreError, match="not a checkpoint"):
-        run(tmp_path)
 
 
 def test_a_checkpoint_of_another_network_is_refused(tmp_path: Path) -> None:

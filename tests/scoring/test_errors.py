@@ -38,13 +38,6 @@ angle = st.floats(-3.0, 3.0)
 shift = st.floats(-50.0, 50.0)
 
 
-@pytest.mark.parametrize("alignment", list(Alignment))
-def test_a_moved_walk_has_no_error(truth: Truth, moved: Moved, alignment: Alignment) -> None:
-    errors = position_errors(truth.t_s, moved(truth, WHERE), truth, alignment)
-    assert errors.size == truth.t_s.size
-    assert errors.max() < 1e-9
-
-
 def test_scale_is_forgiven_only_where_it_should_be(truth: Truth, moved: Moved) -> None:
     poses = moved(truth, WHERE) * [1.1, 1.1, 1]
     assert position_errors(truth.t_s, poses, truth, Alignment.ALIGNED).max() > 0.3
