@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import math
-import signal
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import planted_training as planted
 import pytest
 import torch
 from planted_training import toy_pairs
@@ -32,7 +28,6 @@ from elfslam.learn.pretrain import (
 )
 from elfslam.learn.resumable import TrainingStep
 
-PROGRAM = str(Path(planted.__file__))
 TINY = PretrainParameters(
     steps=4, pairs=8, width=4, warmup_steps=2, learning_rate=3e-3, checkpoint_steps=2
 )
@@ -96,23 +91,8 @@ def test_what_was_learnt_holds_for_places_never_seen(tmp_path: Path) -> None:
     assert learnt < 0.75 * guessed
 
 
-def test_a_killed_process_changes_no_bit_of_the_weights(tmp_path: Path) -> None:
-    checkpoint = tmp_path / "killed.pt"
-    died = subprocess.run([sys.executable, PROGRAM, str(checkpoint)], check=False)
-    assert died.returncode == -signal.SIGKILL
-    steps: list[int] = []
-    resumed, whole = (
-        pretrain(toy_pairs, planted.TINY, seed=0, checkpoint=file, report=report).network
-        for file, report in (
-            (checkpoint, lambda progress: steps.append(progress.step)),
-            (tmp_path / "whole.pt", lambda progress: None),
-        )
-    )
-    assert steps == [5, 6]
-    assert same_weights(resumed, whole)
-
-
-def test_the_losses_of_before_a_kill_are_kept(tmp_path: Path) -> None:
+def test_a_killed_run_goes_on_where_it_was(tmp_path: Path) -> None:
+    """Two steps, a kill, and two more: bit for bit the four steps in one go, losses too."""
     straight, broken = tmp_path / "straight", tmp_path / "broken"
     straight.mkdir()
     broken.mkdir()
@@ -120,10 +100,13 @@ def test_the_losses_of_before_a_kill_are_kept(tmp_path: Path) -> None:
     whole = trained(straight, report=lambda progress: seen.append(progress.loss))
     with pytest.raises(KilledError):
         run(broken, report=killed_after(2))
-    resumed = trained(broken)
-    assert whole.losses.tolist() == seen
-    assert resumed.losses.tolist() == seen
+    steps: list[int] = []
+    resumed = trained(broken, report=lambda progress: steps.append(progress.step))
+    assert steps == [3, 4]
+    assert same_weights(whole.network, resumed.network)
+    assert whole.losses.tolist() == resumed.losses.tolist() == seen
     assert trained(broken).losses.tolist() == seen, "a finished run knows them too"
+    assert not list(tmp_path.rglob("*.partial"))
 
 
 def by_hand(parameters: PretrainParameters, seed: int) -> nn.Module:
@@ -168,14 +151,6 @@ def test_a_gpu_learns_too_and_gives_the_network_back(tmp_path: Path) -> None:
     assert made.arithmetic == "bfloat16 on a GPU"
     assert made.losses[-1] < 0.4 * made.losses[0]
     assert {value.device.type for value in made.network.state_dict().values()} == {"cpu"}
-
-
-def test_a_finished_run_only_reads_its_checkpoint(tmp_path: Path) -> None:
-    whole = run(tmp_path)
-    steps: list[int] = []
-    again = run(tmp_path, report=lambda progress: steps.append(progress.step))
-    assert steps == []
-    assert same_weights(whole, again)
 
 
 def test_every_step_gets_its_own_batch_in_order(tmp_path: Path) -> None:

@@ -291,14 +291,14 @@ def test_walks_are_drawn_not_footsteps() -> None:
     assert high - low > 0.5
 
 
-def test_about_95_of_100_intervals_cover() -> None:
-    """Ninety is what a percentile interval of 25 walks should at least reach (seeds 0 to 99)."""
+def test_about_95_percent_of_intervals_cover() -> None:
+    """Ninety is what a percentile interval of 25 walks should at least reach (seeds 0 to 39)."""
     covered = 0
-    for seed in range(100):
+    for seed in range(40):
         generator = np.random.default_rng(seed)
         low, high = interval(list(generator.normal(5, 2, (25, 1))), mean, generator)
         covered += low <= 5 <= high
-    assert 88 <= covered <= 99
+    assert 35 <= covered < 40
 
 
 def test_nothing_is_refused() -> None:
