@@ -456,7 +456,7 @@ def test_a_map_takes_its_fine_tuned_encoder_along(
 
 def test_the_card_of_an_encoder_is_printed(tmp_path: Path, elfslam: Elfslam) -> None:
     file = tmp_path / "one.onnx"
-    tiny = ("steps=2", "pairs=4", "rooms=2", "width=4", "warmup_steps=1")
+    tiny = ("steps=2", "pairs=4", "rooms=2", "width=4", "warmup_steps=1", "component_batches=0")
     settings = [word for setting in tiny for word in ("--set", f"pretrain.{setting}")]
     assert elfslam("pretrain", file, "--seed", 5, *settings)[0] == 0
     code, out, _ = elfslam("card", file, "--json")
@@ -522,16 +522,15 @@ def test_what_cannot_be_fine_tuned_is_refused(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_real_magnetic_walks_come_nearer_the_truth(
+def test_a_real_magnetic_walk_comes_nearer_the_truth(
     shared_data: Path, tmp_path: Path, elfslam: Elfslam
 ) -> None:
-    for name in ("library", "eight"):
-        recording, run = tmp_path / name, tmp_path / f"{name}-run"
-        elfslam("import", "magnetic", shared_data / "magnetic" / f"{name}.mat", recording)
-        assert elfslam("map", recording, run, "--by", "magnetic")[0] == 0
-        rows = json.loads(elfslam("score", run, recording, "--json")[1])
-        rmse = {(row["method"], row["alignment"]): row["rmse_m"] for row in rows}
-        assert rmse["SLAM", "aligned"] < 0.8 * rmse["dead reckoning", "aligned"]
+    recording, run = tmp_path / "eight", tmp_path / "run"
+    elfslam("import", "magnetic", shared_data / "magnetic" / "eight.mat", recording)
+    assert elfslam("map", recording, run, "--by", "magnetic")[0] == 0
+    rows = json.loads(elfslam("score", run, recording, "--json")[1])
+    rmse = {(row["method"], row["alignment"]): row["rmse_m"] for row in rows}
+    assert rmse["SLAM", "aligned"] < 0.8 * rmse["dead reckoning", "aligned"]
 
 
 @pytest.mark.real
