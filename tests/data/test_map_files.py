@@ -58,28 +58,6 @@ def test_features_of_an_earlier_version_are_refused(tmp_path: Path, run: Run) ->
             read(folder)
 
 
-@pytest.mark.parametrize("kept", [0, 10, 300, -30])
-def test_cut_off_maps_are_refused(tmp_path: Path, run: Run, kept: int) -> None:
-    map_files.write_map(run.floor_map, tmp_path / "map.npz")
-    content = (tmp_path / "map.npz").read_bytes()
-    (tmp_path / "map.npz").write_bytes(content[:kept])
-    with pytest.raises(StoreError, match=r"map\.npz: is missing or damaged") as refused:
-        map_files.read_map(tmp_path)
-    assert "\n" not in str(refused.value)
-
-
-def test_other_arrays_and_pickles_are_refused(tmp_path: Path) -> None:
-    np.savez(tmp_path / "other.npz", xy_m=np.zeros((2, 2)))
-    with pytest.raises(StoreError, match="lacks the array heading_rad"):
-        map_files.read_map(tmp_path / "other.npz")
-    np.savez(tmp_path / "pickle.npz", xy_m=np.array([{}], dtype=object))
-    with pytest.raises(StoreError, match="damaged"):
-        map_files.read_map(tmp_path / "pickle.npz")
-    np.save(tmp_path / "array.npy", np.zeros(3))
-    with pytest.raises(StoreError, match="not whole"):
-        map_files.read_map(tmp_path / "array.npy")
-
-
 @pytest.mark.parametrize(
     ("name", "array"),
     [

@@ -166,21 +166,6 @@ def test_exports_of_other_experiments_are_read(tmp_path: Path, names: tuple[str,
     assert recording.magnetometer is None
 
 
-def test_acceleration_without_g_is_not_taken_for_the_one_with(tmp_path: Path) -> None:
-    linear = table(sensor("Linear Acceleration", "m/s^2", np.zeros(3)))
-    content = {
-        "A.csv": linear,
-        "Linear Accelerometer.csv": linear.replace("Linear ", ""),
-        **files(),
-    }
-    np.testing.assert_allclose(
-        read_phyphox(export(tmp_path, content)).recording.imu.accel_mps2[0], 9.81 * UP
-    )
-    del content["Accelerometer.csv"]
-    with pytest.raises(InputError, match="gravity is missing"):
-        read_phyphox(export(tmp_path, content))
-
-
 def without(name: str) -> dict[str, str]:
     return {key: text for key, text in files().items() if key != name}
 

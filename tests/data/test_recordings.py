@@ -204,12 +204,6 @@ def test_a_quaternion_that_is_no_rotation_is_refused(folder: Path) -> None:
         read_recording(folder)
 
 
-def test_clocks_that_never_meet_are_refused(folder: Path) -> None:
-    (folder / "gyroscope.csv").write_text("t_s,x,y,z\n50,0,0,0\n51,0,0,0\n")
-    with pytest.raises(InputError, match="do not overlap enough"):
-        read_recording(folder)
-
-
 def test_sigmas_of_another_length_are_refused(folder: Path) -> None:
     (folder / "odometry.tum").write_text("0 0 0 0 0 0 0 1\n1 10 0 0 0 0 0 1\n")
     with pytest.raises(InputError, match="5 rows for 2 poses"):
@@ -236,6 +230,7 @@ def test_broken_zip_is_refused(tmp_path: Path, folder: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "rows", "said"),
     [
+        ("accelerometer.csv", "t_s,x,y,z\n0,1,1e160,1\n", r"accelerometer\.csv: row 2 has 1e\+160"),
         ("emr.csv", "t_s,h1\n0,1\n1,1e300\n", r"emr\.csv: row 3 has 1e\+300 microvolts"),
         ("wifi.csv", "t_s,bssid,rssi_dbm,age_s\n0,a,-1e300,\n", r"wifi\.csv: row 2 has -1e\+300"),
         ("magnetometer.csv", "t_s,x,y,z\n0,1,1e300,1\n", r"magnetometer\.csv: row 2 has 1e\+300"),
@@ -299,18 +294,6 @@ def test_a_gyroscope_on_its_own_clock_or_too_slow_is_refused(
     with pytest.raises(InputError, match=says) as refused:
         read_recording(motion)
     assert "\n" not in str(refused.value)
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("accelerometer.csv", "1e160"), ("gyroscope.csv", "-101"), ("magnetometer.csv", "1e160")],
-)
-def test_values_beyond_belief_are_refused(motion: Path, name: str, value: str) -> None:
-    rows = timed(T_S).splitlines()
-    rows[7] = f"0.120,0,{value},9.8"
-    (motion / name).write_text("\n".join(rows))
-    with pytest.raises(InputError, match=rf"{name}: row 8 has .*wanted at most"):
-        read_recording(motion)
 
 
 @pytest.mark.parametrize("strength", [0.0, 1.0, 40.0])
@@ -405,12 +388,6 @@ def test_the_excitation_stated_may_be_the_one_asked_for(heard: Path) -> None:
     said(heard, chirp="loud")
     with pytest.raises(InputError, match="chirp is 'loud', wanted an object"):
         read_recording(heard)
-
-
-def test_the_name_of_a_folder_may_hold_a_dot(tmp_path: Path) -> None:
-    (tmp_path / "walk.2").mkdir()
-    (tmp_path / "walk.2" / "recording.json").write_text('{"format_version": 1}')
-    assert read_recording(tmp_path / "walk.2").name == "walk.2"
 
 
 def test_a_start_without_a_heading_leaves_it_to_the_compass(folder: Path, tmp_path: Path) -> None:

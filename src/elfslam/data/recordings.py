@@ -29,15 +29,14 @@ from elfslam.data import sensor_files
 from elfslam.data.atomic_files import new_folder
 from elfslam.data.audio_files import FLAC, at_accepted_rate, read_recorded_sound, write_audio
 from elfslam.data.baseband import Baseband, write_baseband
-from elfslam.data.log_files import name_of
-from elfslam.data.named_places import read_checkpoints, write_checkpoints
+from elfslam.data.log_files import MACOSX, name_of
+from elfslam.data.named_places import LONGEST_S, read_checkpoints, write_checkpoints
 from elfslam.data.tables import check_size, read_header, read_timed_table, write_timed_table
 from elfslam.data.truth_files import write_truth
 from elfslam.stages.chirp import ChirpParameters, describe_chirp
 
 CHIRPS = "chirps.csv"
 GAIN = "gain_db"
-LONGEST_S = 1e6
 MOST_DB = 100.0
 
 
@@ -64,8 +63,6 @@ def read_schedule(folder: Path) -> tuple[F64 | None, F64 | None]:
 
 
 FORMAT_VERSION = 1
-MACOSX = "__MACOSX"
-"""Where the Mac's zip program puts its own files."""
 POSE = ("x_m", "y_m", "heading_rad")
 MOST_LOST_SHARE = 0.1
 """A stream may lose some samples, which echo cutting recovers; more is a file that was cut off."""
