@@ -21,7 +21,7 @@ studies: $(VENV)/.installed-studies $(VENV)/.kernels
 
 # Whatever waits on no clock: the same answer on a machine with other work on it.
 test: lint $(VENV)/.kernels
-	$(PYTEST) -m "not real"
+	$(PYTEST) -m "not real" $(LEAVING_OUT)
 
 # Browser, sound server, databases, Ray, kills, small studies, some damaged input of each kind.
 test-real: $(VENV)/.installed-test $(VENV)/.kernels

@@ -53,12 +53,3 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"real recordings are absent: no folder {folder} (set ELFSLAM_DATA)")
     return folder
-
-
-@pytest.fixture(scope="session")
-def shared_cases(shared_data: Path) -> Path:
-    """Folder of other programs' files that once went wrong; skips the test where it is absent."""
-    folder = shared_data.parent / "cases"
-    if not folder.is_dir():
-        pytest.skip(f"files of other programs are absent: no folder {folder}")
-    return folder

@@ -1,28 +1,33 @@
 """The commands of the README, of tutorials and how-tos, run as they stand in the pages.
 
-Blocks tagged `sh` run in a shell, `console` ones are held against what they print, `python` ones
-are executed. What cannot run here says why: `<!-- not run: WHY -->` above the block. Of `make` only
-its target has to be there.
+Lines of blocks tagged `sh` run one by one, `console` ones are held against what they print,
+`python` ones are executed. What cannot run here says why: `<!-- not run: WHY -->` above the block.
+Of `make` only its target has to be there.
 """
 
 from __future__ import annotations
 
 import ast
+import io
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import chdir, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from elfslam.base.errors import ElfslamError
+from elfslam.cli.app import run
 from studies.tree import ROOT
 
-FROM_NOTHING = [ROOT / "README.md", *sorted((ROOT / "docs" / "tutorial").glob("*.md"))]
+README = ROOT / "README.md"
+TUTORIAL = sorted((ROOT / "docs" / "tutorial").glob("*.md"))
 HOW_TO = sorted((ROOT / "docs" / "how-to").glob("*.md"))
 REASONS = {
     "needs a cluster", "needs a floor plan", "needs an export of a phone", "needs a broker",
@@ -32,10 +37,8 @@ REASONS = {
 BLOCK = re.compile(
     r"(?:<!-- not run: (?P<why>[^>]+?) -->\n)?^```(?P<tag>[\w-]*)\n(?P<text>.*?)^```$", re.S | re.M
 )
-QUICK = {"simulate living_room walk ": "simulate studio walk --rounds 3 ",
-         "simulate living_room walk2 ": "simulate studio walk2 --rounds 3 ",
-         "simulate living_room query ": "simulate studio query "}  # fmt: skip
-"""In the README, whose commands the tutorial has as they stand."""
+IN_STOCK = re.compile(r"^elfslam (?:simulate|map) .*\n", re.M)
+"""In the README: the tutorial has these commands as they stand, and the stock what they make."""
 STOCK = (
     "elfslam simulate studio walk --seed 100 --rounds 3",
     "elfslam simulate studio walk2 --seed 101 --rounds 3",
@@ -96,14 +99,32 @@ def run_block(block: Block, folder: Path) -> None:
     elif block.tag == "console":
         run_session(block.text, folder)
     elif block.tag == "sh":
-        shell(block.text, folder)
+        for line in block.text.splitlines():
+            printed_by(line, folder)
+
+
+def printed_by(line: str, folder: Path) -> str:
+    """What a line of a shell prints, errors too; our own command has its libraries loaded here."""
+    words, output = shlex.split(line, comments=True), io.StringIO()
+    if words[:1] != ["elfslam"]:
+        return shell(line, folder)
+    with (
+        chdir(folder),
+        redirect_stdout(output),
+        redirect_stderr(output),
+        pytest.MonkeyPatch.context() as patch,
+    ):
+        patch.setenv("HOME", str(folder))
+        code = run(words[1:])
+    assert code == 0, f"{line}\n{output.getvalue()}"
+    return output.getvalue()
 
 
 def run_session(text: str, folder: Path) -> None:
     """Commands behind `$`, and below each what it prints, other lines of it left out."""
     for session in re.split(r"^\$ ", text, flags=re.M)[1:]:
         command, *shown = session.splitlines()
-        printed = shell(command, folder).splitlines()
+        printed = printed_by(command, folder).splitlines()
         for line in filter(str.strip, shown):
             assert any(alike(line, other) for other in printed), f"{line}\n{printed}"
 
@@ -131,14 +152,10 @@ NAMES: dict[str, object] = {}
 
 def run_python(text: str, folder: Path) -> None:
     """Statements one by one; one that is refused has the refusal below it, as a comment."""
-    here = Path.cwd()
-    os.chdir(folder)
-    try:
+    with chdir(folder):
         for statement in ast.parse(text).body:
             refusal = refusal_of(statement)
             assert not refusal or refusal in text, refusal
-    finally:
-        os.chdir(here)
 
 
 def refusal_of(statement: ast.stmt) -> str:
@@ -150,13 +167,11 @@ def refusal_of(statement: ast.stmt) -> str:
     return ""
 
 
-def run_page(page: Path, folder: Path, quick: dict[str, str] | None = None) -> None:
+def run_page(page: Path, folder: Path) -> None:
     NAMES.clear()
     for block in blocks(page):
-        text = block.text
-        for old, new in (quick or {}).items():
-            text = text.replace(old, new)
         if block.why is None:
+            text = IN_STOCK.sub("", block.text) if page == README else block.text
             run_block(Block(block.tag, text, None), folder)
 
 
@@ -165,25 +180,27 @@ def stock(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with small walks and their maps."""
     folder = tmp_path_factory.mktemp("stock")
     for command in STOCK:
-        shell(command, folder)
+        printed_by(command, folder)
     return folder
 
 
 @pytest.mark.real
-@pytest.mark.parametrize("page", FROM_NOTHING, ids=page_name)
-def test_what_begins_with_nothing_runs(page: Path, tmp_path: Path) -> None:
-    run_page(page, tmp_path, QUICK if page.name == "README.md" else None)
+@pytest.mark.parametrize("page", TUTORIAL, ids=page_name)
+def test_tutorials_run_from_nothing(page: Path, tmp_path: Path) -> None:
+    run_page(page, tmp_path)
 
 
 @pytest.mark.real
-@pytest.mark.parametrize("page", [page for page in HOW_TO if any(blocks(page))], ids=page_name)
+@pytest.mark.parametrize(
+    "page", [page for page in (README, *HOW_TO) if any(blocks(page))], ids=page_name
+)
 def test_how_tos_run_with_walks_and_maps(page: Path, stock: Path, tmp_path: Path) -> None:
     folder = tmp_path / "here"
     shutil.copytree(stock, folder)
     run_page(page, folder)
 
 
-@pytest.mark.parametrize("page", [*FROM_NOTHING, *HOW_TO], ids=page_name)
+@pytest.mark.parametrize("page", [README, *TUTORIAL, *HOW_TO], ids=page_name)
 def test_blocks_are_tagged_and_say_why_they_are_not_run(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     assert [block.text for block in blocks(page) if not block.tag] == []

@@ -52,29 +52,18 @@ def run(folder: Path, *options: str, **tests: str) -> tuple[int, str]:
     return done.returncode, done.stdout
 
 
-@pytest.mark.parametrize("processes", ["0", "2"])
-def test_a_test_that_waited_in_vain_is_run_once_more_and_named(
-    processes: str, tmp_path: Path
-) -> None:
-    code, said = run(tmp_path, "--once-more", "-n", processes, late=LATE_ONCE)
+def test_a_test_that_waited_in_vain_is_run_once_more_and_named(tmp_path: Path) -> None:
+    code, said = run(tmp_path, "--once-more", "-n", "2", late=LATE_ONCE)
     assert code == 0
     assert "waited in vain, run once more, alone" in said
     assert "passed test_late.py::test_late" in said
 
 
-def test_without_the_option_it_fails(tmp_path: Path) -> None:
-    assert run(tmp_path, late=LATE_ONCE)[0] == 1
-
-
-def test_what_waits_in_vain_again_fails(tmp_path: Path) -> None:
-    code, said = run(tmp_path, "--once-more", late=LATE_ONCE, never=NEVER)
+def test_what_waits_in_vain_again_fails_and_a_wrong_value_has_no_second_chance(
+    tmp_path: Path,
+) -> None:
+    code, said = run(tmp_path, "--once-more", late=LATE_ONCE, never=NEVER, wrong=WRONG)
     assert code == 1
     assert "FAILED AGAIN test_never.py::test_never" in said
     assert "passed test_late.py::test_late" in said
-
-
-def test_a_wrong_value_has_no_second_chance(tmp_path: Path) -> None:
-    code, said = run(tmp_path, "--once-more", late=LATE_ONCE, wrong=WRONG)
-    assert code == 1
     assert (tmp_path / "runs").read_text() == "x"
-    assert "passed test_late.py::test_late" in said

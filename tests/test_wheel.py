@@ -11,6 +11,10 @@ from pathlib import Path
 
 import pytest
 
+from elfslam.data.recordings import write_recording
+from elfslam.world.simulate import simulate
+from elfslam.world.world_file import load_world
+
 pytestmark = pytest.mark.real
 ROOT = Path(__file__).resolve().parents[1]
 LARGEST_MB = 7.0
@@ -63,11 +67,13 @@ def test_it_holds_the_package_and_nothing_else(wheel: Path) -> None:
     assert wheel.stat().st_size < LARGEST_MB * 1e6
 
 
-def test_its_command_simulates_maps_and_locates(installed: Path, tmp_path: Path) -> None:
+def test_its_command_maps_and_locates(installed: Path, tmp_path: Path) -> None:
+    """A walk simulated from here, whose kernels are compiled."""
     where = run(installed / "python", "-c", "import elfslam; print(elfslam.__file__)", cwd=tmp_path)
     assert Path(where.strip()).is_relative_to(installed.parent)
     elfslam = installed / "elfslam"
-    run(elfslam, "simulate", "studio", "walk", "--seed", 107, "--rounds", 3, cwd=tmp_path)
+    recording, _ = simulate(load_world("studio"), 107, rounds=3)
+    write_recording(recording, tmp_path / "walk")
     run(elfslam, "map", "walk", "run", cwd=tmp_path)
     run(elfslam, "locate", "walk", "run", "fixes.csv", cwd=tmp_path)
     statuses = [line.split(",")[-1] for line in (tmp_path / "fixes.csv").read_text().split()[1:]]

@@ -33,6 +33,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 from elfslam.base.values import Imu, Truth
 from elfslam.data.recordings import write_recording
 from elfslam.data.truth_files import write_truth
+from elfslam.stages.chirp import describe_chirp
 from elfslam.world.circumstances import (
     Circumstances,
     air_on,
@@ -46,7 +47,7 @@ from elfslam.world.imu import read_imu
 from elfslam.world.phone import room_responses
 from elfslam.world.recorder import phone_poses
 from elfslam.world.scene import scene_of
-from elfslam.world.simulate import describe_chirp, simulate
+from elfslam.world.simulate import simulate
 from elfslam.world.simulate import truth_of as truth_of_motion
 from elfslam.world.walker import Motion, random_walker, walk
 from elfslam.world.world_file import World, load_world

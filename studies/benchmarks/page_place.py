@@ -37,8 +37,9 @@ from elfslam.base.arrays import F64
 from elfslam.base.values import Fixes, FixStatus, Truth
 from elfslam.data.position_files import read_fixes
 from elfslam.data.recordings import write_recording
+from elfslam.stages.chirp import describe_chirp
 from elfslam.world import worlds
-from elfslam.world.simulate import describe_chirp, simulate
+from elfslam.world.simulate import simulate
 from elfslam.world.world_file import load_world
 from studies.benchmarks.acoustic_loop import in_time, missing_programs, pulse_audio, room_between
 from studies.benchmarks.browser_walk import (

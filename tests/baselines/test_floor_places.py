@@ -13,11 +13,9 @@ from elfslam.base.errors import InputError
 from elfslam.base.values import NO_CLOSURES, FixStatus
 from elfslam.baselines.floor_places import (
     at_each_place,
-    drawn,
     floor_places,
     known_by,
     locate_on_floor,
-    pulled_rows,
     whole_walk,
 )
 from elfslam.baselines.floor_walks import FloorParameters, corrected, floor_map
@@ -123,11 +121,6 @@ def test_a_walk_that_hears_nothing_of_the_map_is_in_an_unknown_place(places, mod
     fixes = locate_on_floor(strange, places, mode)
     assert (fixes.status == FixStatus.UNKNOWN_PLACE).all()
     assert np.isnan(fixes.xy_m).all()
-
-
-def test_nothing_heard_in_common_draws_nothing(places):
-    nodes = walk_along(0.0).nodes
-    assert drawn(nodes, np.full((len(pulled_rows(nodes)), 2), np.nan), places) is None
 
 
 @pytest.mark.parametrize("mode", list(Mode))

@@ -136,6 +136,7 @@ def test_the_map_has_a_spot_for_every_stretch_and_what_is_heard_there():
         floor_map([without], trajectories[1:2], BOTH, PARAMETERS)
 
 
+@pytest.mark.real
 def test_a_declared_walk_is_dead_reckoned_from_there(shared_data):
     from studies.mall_floor import archive_of, surveyed_walks
 

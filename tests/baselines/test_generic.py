@@ -64,11 +64,6 @@ def test_the_level_drops_out(encoders: dict[str, Encoder], name: str, gain: floa
     np.testing.assert_allclose(soft, loud, atol=1e-5)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_no_echo_gives_no_row(encoders: dict[str, Encoder], name: str) -> None:
-    assert len(encoders[name].embed(traces(0))) == 0
-
-
 @pytest.mark.parametrize("name", list(generic_encoders()))
 def test_silence_gives_zeros(name: str) -> None:
     rows = generic_encoders()[name].embed(np.zeros((2, ECHO_SAMPLES), dtype=np.float32))

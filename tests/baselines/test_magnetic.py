@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -17,7 +16,6 @@ from elfslam.baselines.magnetic import (
     field_sequences,
     levelled_field,
     magnetic_similarity,
-    turned_round,
     warping_costs,
 )
 from elfslam.data.magnetic import read_magnetic
@@ -85,12 +83,6 @@ def test_warping_agrees_with_the_naive_recursion(band, components):
     assert warping_costs(windows, others, band) == pytest.approx(np.array(wanted))
 
 
-def test_warping_forgives_a_shift_within_its_band():
-    wave = np.sin(np.arange(40) / 3.0)[:, None]
-    here, shifted = wave[None, 5:25], wave[None, 7:27]
-    assert warping_costs(here, shifted, 3)[0, 0] < 0.3 * warping_costs(here, shifted, 0)[0, 0]
-
-
 def test_a_repeated_stretch_is_found_where_it_was_planted():
     scores = magnetic_similarity(*there_and(False), PARAMETERS).scores
     rows = np.arange(5, 50)
@@ -99,12 +91,6 @@ def test_a_repeated_stretch_is_found_where_it_was_planted():
     assert np.abs(best[rows] - (rows + 60)).max() <= 1
     assert scores[rows, rows + 60].min() > 0.6
     assert np.median(scores[far]) < 0.3
-
-
-def test_a_repeated_stretch_is_found_at_another_pace():
-    scores = magnetic_similarity(*there_and(False, pace=0.7), PARAMETERS).scores
-    rows = np.arange(5, 50)
-    assert scores[rows, rows + 60].min() > 0.6
 
 
 def test_a_stretch_walked_back_is_found_turned_round():
@@ -164,19 +150,6 @@ def test_without_orientation_the_magnitude_serves():
     scores = magnetic_similarity(magnetometer, None, nodes, PARAMETERS).scores
     rows = np.arange(5, 50)
     assert scores[rows, rows + 60].min() > 0.6
-
-
-def test_turning_round_twice_is_the_same_stretch():
-    windows = np.random.default_rng(0).normal(size=(4, 7, 3))
-    assert np.array_equal(turned_round(turned_round(windows)), windows)
-
-
-def test_a_wider_scale_raises_every_score():
-    walk = there_and(False)
-    narrow = magnetic_similarity(*walk, PARAMETERS).scores
-    wide = magnetic_similarity(*walk, replace(PARAMETERS, cost_scale=2.0)).scores
-    assert (wide >= narrow).all()
-    assert wide.mean() > narrow.mean()
 
 
 def test_a_magnetometer_that_slept_through_the_walk_is_refused():

@@ -42,7 +42,7 @@ READERS = {
     "finetune an encoder": "finetune {walk} {new}/one.onnx --encoder {bad}",
     "parameters": "parameters --parameters {bad}",
 }
-BAD = ("missing", "empty", "full", "text", "text/below", "damaged.zip", "damaged.npz")
+BAD = ("missing", "full", "text", "text/below", "damaged.npz")
 WRITERS = {
     "map": "map {walk} {out} --by motion",
     "map by force": "map {walk} {out} --by motion --force",
@@ -78,11 +78,9 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 @pytest.fixture
 def place(tmp_path: Path) -> Iterator[Path]:
     """A folder with everything that can lie where something else is wanted."""
-    (tmp_path / "empty").mkdir()
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "thesis.txt").write_text("mine")
     (tmp_path / "text").write_text("some words\n")
-    (tmp_path / "damaged.zip").write_bytes(b"PK and no more")
     (tmp_path / "damaged.npz").write_bytes(b"PK and no more")
     before = contents(tmp_path)
     yield tmp_path

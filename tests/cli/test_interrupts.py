@@ -52,7 +52,7 @@ WITHIN = {
     "a library that prints it and goes on": ("numpy", "builtins.__import__ = printing"),
     "the writing": ("", "os.fsync = syncing"),
 }
-MOMENTS = max(4, int(os.environ.get("HOSTILE_CASES", "200")) // 150)
+MOMENTS = max(1, int(os.environ.get("HOSTILE_CASES", "200")) // 150)
 LATEST_S = {"parameters": 4.0, "map {walk} {out}": 8.0, "map {walks} {out} --on 2": 8.0}
 
 

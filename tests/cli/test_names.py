@@ -41,12 +41,8 @@ for line in json.load(sys.stdin):
     except SystemExit as end:
         print(f"rc {end.code}", flush=True)
 """
-ASCII = {"LC_ALL": "C", "LANG": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}
-LOCALES = {
-    "C": {"LC_ALL": "C", "LANG": "C"},
-    "C and no UTF-8": ASCII,
-    "an ASCII terminal": {"PYTHONIOENCODING": "ascii"},
-}
+ASCII = {"LC_ALL": "C", "LANG": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0",
+         "PYTHONIOENCODING": "ascii"}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -59,9 +55,8 @@ def walked(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.hostile
-@pytest.mark.parametrize("locale", LOCALES.values(), ids=LOCALES)
-def test_every_verb_takes_and_prints_a_name_in_every_locale(
-    locale: dict[str, str], walked: Path, tmp_path: Path
+def test_every_verb_takes_and_prints_a_name_where_nothing_is_utf_8(
+    walked: Path, tmp_path: Path
 ) -> None:
     here = tmp_path / NAME
     here.mkdir()
@@ -71,7 +66,7 @@ def test_every_verb_takes_and_prints_a_name_in_every_locale(
     lines = [[each.format(here=here) for each in line.split()] for line in LINES.splitlines()]
     ended = subprocess.run(
         [sys.executable, "-c", SCRIPT], input=json.dumps(lines).encode(), capture_output=True,
-        env={**os.environ, **locale}, check=False,
+        env={**os.environ, **ASCII}, check=False,
     )  # fmt: skip
     said = ended.stderr.decode()
     assert "Traceback" not in said

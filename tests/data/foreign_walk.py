@@ -105,18 +105,6 @@ CASES: Mapping[str, tuple[Callable[[], Files], str]] = {
     "numpy.savetxt": (ronin, READ.replace("sensorlogger", "ronin")),
 }
 """What is done to a walk, and what is wanted of it."""
-SHARED: Mapping[str, str] = {
-    "01-spreadsheet/walk.zip": "sensorlogger, 3177 rows, 0 damaged, 0 notes",
-    "02-clock-back/walk.zip": "sensorlogger, 3177 rows, 0 damaged, 1 notes",
-    "02-clock-back/forward.zip": "sensorlogger, 3177 rows, 0 damaged, 1 notes",
-    "03-annotations/walk.zip": "sensorlogger, 3177 rows, 0 damaged, 0 notes, 3 checkpoints",
-    "04-windows-zip/walk.zip": "sensorlogger, 3177 rows, 0 damaged, 0 notes",
-    "05-phyphox-french/both.zip": "phyphox, 3177 rows, 0 damaged, 0 notes",
-    "05-phyphox-french/gentle.zip": "refused: gravity is missing",
-    "05-phyphox-french/linear-only.zip": "refused: gravity is missing",
-    "06-ronin-savetxt/walk": "ronin, 3177 rows, 0 damaged, 0 notes",
-}
-"""Files of other people that went wrong, where they are available, and what is wanted of each."""
 
 
 def packed(files: Files, path: Path) -> Path:

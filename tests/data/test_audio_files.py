@@ -100,7 +100,7 @@ def with_length(flac: bytes, samples: int) -> bytes:
     return flac[:21] + bytes([first]) + (samples & 0xFFFFFFFF).to_bytes(4, "big") + flac[26:]
 
 
-@pytest.mark.parametrize("samples", [0, 30_000_000, 2_000_000_000, 2**36 - 1])
+@pytest.mark.parametrize("samples", [0, 2**36 - 1])
 def test_a_length_that_no_file_of_that_size_has_is_refused(tmp_path: Path, samples: int) -> None:
     file = tmp_path / "audio.flac"
     write_audio(Audio(np.zeros((1, 44_100)), RATE_HZ), file)
@@ -143,7 +143,7 @@ def test_floats_in_the_scale_of_whole_numbers_are_divided_and_it_is_said(
     assert note.endswith(f"it was divided by {scale}")
 
 
-@pytest.mark.parametrize("peak", [0.5, 1.0, 1.4, 7.9])
+@pytest.mark.parametrize("peak", [0.5, 7.9])
 def test_floats_about_full_scale_are_left_as_they_are(tmp_path: Path, peak: float) -> None:
     file = tmp_path / "audio.wav"
     soundfile.write(file, np.array([0.1, -peak]), RATE_HZ, subtype="FLOAT")

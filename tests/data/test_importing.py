@@ -17,7 +17,7 @@ from elfslam.base.errors import InputError
 from elfslam.base.values import Imu, Recording
 from elfslam.data.importing import LogFormat, Refused, read_logs, recognise, takes_many
 from elfslam.data.log_files import Imported
-from elfslam.data.recordings import write_recording
+from elfslam.data.recordings import read_recording, write_recording
 
 MALL = "".join(
     f"{1574559495255 + 20 * k}\tTYPE_{kind}\t0.1\t0.2\t9.8\t3\n"
@@ -93,7 +93,7 @@ def test_a_folder_is_known_and_read_as_its_zip_is(tmp_path: Path, log_format: Lo
     assert item.recording.name == "walk.1"
 
 
-@pytest.mark.parametrize("name", ["walk.txt", "walk.zip", "walk"])
+@pytest.mark.parametrize("name", ["walk.zip", "walk"])
 @pytest.mark.parametrize(
     ("content", "log_format"),
     [
@@ -177,8 +177,6 @@ RONIN = LOGS[LogFormat.RONIN]()
         ({"one.zip": b"PK\x03\x04", "two.zip": b"PK\x03\x04"}, "holds other .zip files"),
         ({"a.csv": "t_s,x,y,z\n0,1,2,3\n"}, "holds a.csv, which are of no known log"),
         ({"Accelerometer.csv": "time,x,y,z\n0,1,2,3\n"}, "of no known log"),
-        ({"acce.txt": "hello world\n"}, "of no known log"),
-        ({"walk.mat": mat_bytes(x=np.zeros(3))}, "of no known log"),
         ({"deep/down/recording.jso": "{}"}, "of no known log"),
         ({}, "holds no file"),
         ({"__MACOSX/a.csv": "seconds_elapsed\n"}, "holds no file"),
@@ -203,7 +201,6 @@ def refuse(path: Path, words: str) -> None:
     ("content", "words"),
     [
         (b"", "is empty"),
-        (b" \n\n", "is empty"),
         (b"%PDF-1.7 x", "is a PDF"),
         (b"\x89HDF\r\n\x1a\n", "is an HDF5 file"),
         (b"MATLAB 7.3 MAT-file, Platform", "-v7"),
@@ -213,7 +210,6 @@ def refuse(path: Path, words: str) -> None:
         (b'"Time (s)","X (m/s^2)"\n1,2\n', "is one file of an export of phyphox"),
         (b"t_s,x,y,z\n0,1,2,3\n", "begins with 't_s,x,y,z'"),
         (b"\x00" * 500, "which no known log does"),
-        (b"\xff" * 500, "which no known log does"),
         (mat_bytes(x=np.zeros(3)), "is a .mat file without m, quat, dPos, t, tm"),
         (magnetic()[:300], "a .mat file"),
         (b"PK\x03\x04" + bytes(100), "the .zip is not whole"),
@@ -236,13 +232,6 @@ def test_what_is_not_there_is_refused(tmp_path: Path) -> None:
     refuse(tmp_path / "none.zip", "does not exist")
     (tmp_path / "folder").mkdir()
     refuse(tmp_path / "folder", "holds no file")
-
-
-def test_an_archive_of_something_else_is_refused(tmp_path: Path) -> None:
-    refuse(
-        tarred(tmp_path / "a.tar.xz", {"a.txt": "hello\n"}),
-        "holds a.txt, which are of no known log",
-    )
 
 
 @pytest.mark.parametrize("log_format", PACKED)
@@ -278,19 +267,6 @@ def known(path: Path) -> str:
     except InputError as refused:
         said = str(refused)
         return next(each for each in ("of no known log", "holds no file") if each in said)
-
-
-@pytest.mark.parametrize("log_format", PACKED)
-def test_folders_of_a_zip_may_be_parted_as_windows_does(
-    tmp_path: Path, log_format: LogFormat
-) -> None:
-    files = {f"my walk/{name}": text for name, text in LOGS[log_format]().items()}
-    there = {name.replace("/", "\\"): text for name, text in files.items()}
-    path = zipped(tmp_path / "walk.zip", {"my walk\\": "", **there})
-    assert recognise(path) is log_format
-    (item,) = imported(log_format, path)
-    (same,) = imported(log_format, zipped(tmp_path / "same.zip", files))
-    np.testing.assert_array_equal(item.recording.imu.accel_mps2, same.recording.imu.accel_mps2)
 
 
 def savetxt(text: str) -> str:
@@ -345,17 +321,11 @@ WAYS: dict[str, tuple[LogFormat, Mapping[str, str]]] = {
 
 
 @pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("as_zip", [True, False])
 def test_what_a_named_reader_takes_is_recognised_however_it_is_written(
-    tmp_path: Path, way: str, as_zip: bool
+    tmp_path: Path, way: str
 ) -> None:
     log_format, files = WAYS[way]
-    path = tmp_path / ("walk.zip" if as_zip else "walk")
-    if as_zip:
-        zipped(path, files)
-    for name, text in {}.items() if as_zip else files.items():
-        (path / name).parent.mkdir(parents=True, exist_ok=True)
-        (path / name).write_bytes(text.encode())
+    path = zipped(tmp_path / "walk.zip", files)
     assert recognise(path) is log_format
     (item,) = imported(log_format, path)
     np.testing.assert_allclose(item.recording.imu.t_s, T_S, atol=1e-5)
@@ -366,3 +336,18 @@ def test_what_no_reader_takes_is_not_recognised(tmp_path: Path) -> None:
     for change in (lambda text: text.replace("0000000 ", " "), lambda text: text.replace(" ", ",")):
         files = {name: change(text) for name, text in RONIN.items()}
         refuse(zipped(tmp_path / "walk.zip", files), "of no known log")
+
+
+@pytest.mark.parametrize("log_format", LOGS)
+def test_a_whole_log_becomes_a_recording_that_is_read_back(
+    tmp_path: Path, log_format: LogFormat
+) -> None:
+    (item,) = imported(log_format, zipped(tmp_path / "walk.zip", LOGS[log_format]()))
+    write_recording(item.recording, tmp_path / "walk", truth=item.truth)
+    again = read_recording(tmp_path / "walk")
+    np.testing.assert_allclose(again.imu.t_s, T_S, atol=2e-6)
+    np.testing.assert_allclose(again.imu.accel_mps2, item.recording.imu.accel_mps2, atol=1e-6)
+    assert (again.audio is not None) == (log_format is LogFormat.PHYPHOX)
+    has_truth = (tmp_path / "walk" / "waypoints.csv").is_file()
+    assert has_truth == (log_format is LogFormat.GETSENSORDATA)
+    assert item.damaged_lines == 0

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import numpy.testing as npt
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from elfslam.base import bounds
 from elfslam.base.arrays import F64
-from elfslam.base.bounds import FREE_BYTES
 from elfslam.base.errors import InputError
 from elfslam.data import log_files
 from elfslam.data.sensor_files import gravity_in
@@ -74,14 +74,17 @@ def test_an_archive_without_texts_is_refused(tmp_path: Path) -> None:
         log_files.check_archive(packed(tmp_path))
 
 
-def test_bombs_are_refused(tmp_path: Path) -> None:
+def test_bombs_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    free_bytes = 2**20
+    for module in (bounds, log_files):
+        monkeypatch.setattr(module, "FREE_BYTES", free_bytes)
     with pytest.raises(InputError, match="claims"):
-        log_files.check_archive(packed(tmp_path, (entry("a.txt"), bytes(FREE_BYTES * 2))))
-    several = [(entry(f"{k}.txt"), bytes(FREE_BYTES // 2)) for k in range(4)]
+        log_files.check_archive(packed(tmp_path, (entry("a.txt"), bytes(free_bytes * 2))))
+    several = [(entry(f"{k}.txt"), bytes(free_bytes // 2)) for k in range(4)]
     with pytest.raises(InputError, match="more than can be believed"):
         log_files.check_archive(packed(tmp_path, *several))
-    head = entry("a.txt", tarfile.XHDTYPE, size=4 * FREE_BYTES).tobuf(tarfile.USTAR_FORMAT)
-    (tmp_path / "a.tar.xz").write_bytes(lzma.compress(head + bytes(4 * FREE_BYTES), preset=0))
+    head = entry("a.txt", tarfile.XHDTYPE, size=4 * free_bytes).tobuf(tarfile.USTAR_FORMAT)
+    (tmp_path / "a.tar.xz").write_bytes(lzma.compress(head + bytes(4 * free_bytes), preset=0))
     with pytest.raises(InputError, match="more than can be believed"):
         log_files.check_archive(tmp_path / "a.tar.xz")
 
@@ -91,26 +94,6 @@ def test_countless_entries_are_refused(tmp_path: Path, monkeypatch: pytest.Monke
     path = packed(tmp_path, *[(entry(f"{k}.txt"), b"x") for k in range(4)])
     with pytest.raises(InputError, match="more than 3 entries"):
         log_files.check_archive(path)
-
-
-def test_every_byte_may_be_wrong(tmp_path: Path) -> None:
-    """In the archive itself: what xz packs has a checksum of its own."""
-    whole = lzma.decompress(
-        packed(tmp_path, (entry("a.txt"), b"one"), (entry("b.txt"), b"two")).read_bytes()
-    )
-    refused = 0
-    for at in [*range(0, 520, 3), *range(1024, 1540, 5)]:
-        for byte in (0, 0xFF):
-            damaged = whole[:at] + bytes([byte]) + whole[at + 1 :]
-            (tmp_path / "a.tar.xz").write_bytes(lzma.compress(damaged, preset=0))
-            try:
-                log_files.check_archive(tmp_path / "a.tar.xz")
-            except InputError as cause:
-                refused += 1
-                message = str(cause)
-                if "\n" in message:
-                    raise AssertionError(message) from cause
-    assert refused > 100
 
 
 PERIOD_S = 0.01
@@ -129,6 +112,7 @@ def written(t_s: F64, put_back: list[tuple[int, float]]) -> F64:
     return shown
 
 
+@settings(max_examples=30)
 @given(jumps)
 def test_a_clock_that_is_put_back_loses_no_row_and_tells_every_jump(
     put_back: list[tuple[int, float]],
@@ -139,6 +123,7 @@ def test_a_clock_that_is_put_back_loses_no_row_and_tells_every_jump(
     assert all("was put back by" in note for note in clock.notes)
 
 
+@settings(max_examples=30)
 @given(jumps, st.floats(0, 0.009), st.sampled_from([1, 2, 5]))
 def test_every_stream_of_a_log_is_put_right_by_the_densest(
     put_back: list[tuple[int, float]], late_s: float, every: int
@@ -192,7 +177,7 @@ def test_a_long_step_ahead_is_a_gap_that_is_told() -> None:
 
 
 def test_times_that_are_no_clock_are_refused_at_once() -> None:
-    shown = np.random.default_rng(0).uniform(0, 1000, 200_000)
+    shown = np.random.default_rng(0).uniform(0, 1000, 20_000)
     with pytest.raises(
         InputError, match=f"walk: its clock was put back over {log_files.MOST_JUMPS} times"
     ):
@@ -222,7 +207,7 @@ def test_gravity_and_steps_are_found_wherever_they_are(
     npt.assert_allclose(log_files.with_gravity(streams, unit_mps2)[1], WHOLE[1], atol=1e-9)
 
 
-@pytest.mark.parametrize("strength", [0.1, 0.3, 1.0, 1.3, 3.0, 8.0])
+@pytest.mark.parametrize("strength", [0.1, 1.3, 8.0])
 @pytest.mark.parametrize("unit_mps2", [1.0, None])
 def test_acceleration_without_gravity_is_never_scaled(
     strength: float, unit_mps2: float | None

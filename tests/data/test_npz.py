@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from elfslam.base.bounds import FREE_BYTES
+from elfslam.base import bounds
 from elfslam.base.errors import StoreError
 from elfslam.data.npz import LARGEST, read_npz, write_npz
 
@@ -58,6 +58,7 @@ def refusal(path: Path) -> str:
     return said
 
 
+@settings(max_examples=40)
 @given(st.data())
 def test_every_array_comes_back(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
@@ -77,13 +78,6 @@ def test_every_array_comes_back(
         assert came.tobytes() == made.tobytes()
 
 
-def test_what_comes_back_may_be_written_into(tmp_path: Path) -> None:
-    write_npz(tmp_path / "a.npz", {"x": np.zeros(3)})
-    read = read_npz(tmp_path / "a.npz", ["x"])["x"]
-    read[1] = 2.0
-    assert read.tolist() == [0.0, 2.0, 0.0]
-
-
 @pytest.mark.parametrize("shape", ["(1000000000000,)", "(0, 1000000000000000)", f"({2**40}, 2)"])
 def test_a_claim_is_refused_before_anything_is_made(tmp_path: Path, shape: str) -> None:
     path = stored(tmp_path, header(claim(shape)))
@@ -95,8 +89,9 @@ def test_a_claim_is_refused_before_anything_is_made(tmp_path: Path, shape: str) 
         tracemalloc.stop()
 
 
-def test_a_bomb_is_refused(tmp_path: Path) -> None:
-    size = 4 * FREE_BYTES
+def test_a_bomb_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bounds, "FREE_BYTES", 2**20)
+    size = 2**22
     with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("x.npy", header(claim(f"({size},)", "<u1"), bytes(size)))
     assert "claims" in refusal(tmp_path / "a.npz")
@@ -106,7 +101,6 @@ def test_a_bomb_is_refused(tmp_path: Path) -> None:
     "content",
     [
         b"",
-        b"\x93NUMPY",
         b"\x93NUMPY\x09\x00" + bytes(20),
         b"\x93NUMPY\x02\x00\xff\xff\xff\xff",
         npy(np.arange(5))[:-1],
@@ -114,14 +108,10 @@ def test_a_bomb_is_refused(tmp_path: Path) -> None:
         npy(np.array([{}])),
         npy(np.zeros(2, dtype="i4,f8")),
         npy(np.array([1.0, -1e16])),
-        npy(np.array([np.inf])),
         npy(np.array([-(2**63)])),
         npy(np.zeros(2, dtype="c16")),
-        npy(np.zeros(2, dtype="S4")),
         header(claim("(3,)"), bytes(16)),
         header(claim("(-1,)"), b""),
-        header(claim("(1e3,)"), bytes(8000)),
-        header(claim("(2,)", "<U0"), b""),
         header(claim("(2,)", "<f9"), bytes(18)),
         header(claim("(" * 5000 + ")" * 5000)),
         header("{'descr': '<f8' 'fortran_order'(1): False}"),

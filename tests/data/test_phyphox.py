@@ -166,21 +166,6 @@ def test_exports_of_other_experiments_are_read(tmp_path: Path, names: tuple[str,
     assert recording.magnetometer is None
 
 
-def test_acceleration_without_g_is_not_taken_for_the_one_with(tmp_path: Path) -> None:
-    linear = table(sensor("Linear Acceleration", "m/s^2", np.zeros(3)))
-    content = {
-        "A.csv": linear,
-        "Linear Accelerometer.csv": linear.replace("Linear ", ""),
-        **files(),
-    }
-    np.testing.assert_allclose(
-        read_phyphox(export(tmp_path, content)).recording.imu.accel_mps2[0], 9.81 * UP
-    )
-    del content["Accelerometer.csv"]
-    with pytest.raises(InputError, match="gravity is missing"):
-        read_phyphox(export(tmp_path, content))
-
-
 def without(name: str) -> dict[str, str]:
     return {key: text for key, text in files().items() if key != name}
 
@@ -200,8 +185,6 @@ def in_the_middle(cell: str) -> str:
     [
         (lambda: without("Gyroscope.csv"), "has no columns of a gyroscope"),
         (lambda: changed("Gyroscope.csv", in_the_middle("NaN")), r"Gyroscope\.csv: row 6 has NaN"),
-        (lambda: changed("Gyroscope.csv", in_the_middle("x")), r"Gyroscope\.csv: row 6 has 'x'"),
-        (lambda: changed("Gyroscope.csv", in_the_middle("1e400")), r"row 6 has '1e400'"),
         (lambda: changed("Gyroscope.csv", in_the_middle("1e9")), r"has 1e\+09 in Gyroscope"),
         (lambda: changed("Gyroscope.csv", files()["Gyroscope.csv"][:-30]), "row 61 has"),
         (lambda: changed("Gyroscope.csv", ""), "is empty"),
@@ -290,9 +273,7 @@ def test_every_buffer_of_the_experiment_is_declared_and_exported() -> None:
 
 LANGUAGES = {
     "French": ("Temps (s)", "Accéléromètre", "Accélération selon", "Accélération linéaire"),
-    "Italian": ("Tempo (s)", "Accelerometro", "Accelerazione", "Accelerazione"),
     "Japanese": ("時間 (s)", "加速度計", "加速度", "線形加速度"),
-    "Chinese": ("时间\uff08s\uff09", "加速度传感器", "加速度", "加速度"),
     "German": ("Zeit (s)", "Beschleunigungssensor", "Beschleunigung", "Lineare Beschleunigung"),
 }
 

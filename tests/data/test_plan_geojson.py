@@ -216,20 +216,3 @@ def test_levels_of_one_file_lie_in_one_frame(tmp_path: Path) -> None:
     low, high = (read_plan_shapes(file, level=level) for level in ("0", "1"))
     assert low.origin == high.origin
     npt.assert_allclose(high.ground[0][0] - low.ground[0][0], [[10, 0]] * 4, atol=0.02)
-
-
-def test_a_plan_of_the_openstreetmap_indoor_scheme_is_read_level_by_level(
-    shared_cases: Path,
-) -> None:
-    folder = shared_cases / "08-plan-levels"
-    with pytest.raises(LevelError, match="has the levels 0, 1, 2; choose one"):
-        read_plan_geojson(folder / "plan.geojson")
-    areas_m2 = []
-    for level in ("0", "1", "2"):
-        ground, _ = read_plan_geojson(folder / "plan.geojson", level=level)
-        areas_m2.append(ground.free.sum() * ground.cell_m**2)
-    alone, _ = read_plan_geojson(folder / "level0.geojson")
-    stairs_m2 = 5.0 * 20.0
-    assert areas_m2[0] == pytest.approx(alone.free.sum() * alone.cell_m**2 + stairs_m2, rel=0.03)
-    assert areas_m2[1] == pytest.approx(30.0 * 4.0 + 7.0 * 10.0 + stairs_m2 - 5.0 * 4.0, rel=0.02)
-    assert areas_m2[2] == pytest.approx(7.0 * 10.0 + stairs_m2, rel=0.02)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import soundfile
 
+from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Recording, Truth
 from elfslam.data.recordings import read_recording, write_recording
@@ -55,53 +56,33 @@ def test_zip_round_trip(tmp_path: Path, folder: Path, recording: Recording, insi
     assert_same(read_recording(Path(made)), recording)
 
 
-def test_when_chirps_were_played_makes_a_round_trip(tmp_path: Path) -> None:
+@pytest.mark.parametrize("gain_db", [None, -4.0 * (np.arange(40) % 3 == 0)])
+def test_when_and_how_loud_chirps_were_played_makes_a_round_trip(
+    tmp_path: Path, gain_db: F64 | None
+) -> None:
     played_s = 0.1 * np.arange(40) + 0.0125 * np.sin(np.arange(40))
-    write_recording(Recording("hall", "phone", played_t_s=played_s), tmp_path / "hall")
-    read = read_recording(tmp_path / "hall")
-    assert read.played_t_s is not None
-    np.testing.assert_allclose(read.played_t_s, played_s, atol=1e-6)
-    assert (tmp_path / "hall" / "chirps.csv").read_text().startswith("t_s\n")
-
-
-def test_how_loud_chirps_were_played_makes_a_round_trip(tmp_path: Path) -> None:
-    played_s, gain_db = 0.1 * np.arange(40), -4.0 * (np.arange(40) % 3 == 0)
     walk = Recording("hall", "phone", played_t_s=played_s, gain_db=gain_db)
     write_recording(walk, tmp_path / "hall")
     read = read_recording(tmp_path / "hall")
-    assert read.gain_db is not None
-    np.testing.assert_allclose(read.gain_db, gain_db)
-    assert (tmp_path / "hall" / "chirps.csv").read_text().startswith("t_s,gain_db\n")
-
-
-def test_loudness_that_cannot_be_is_refused(folder: Path) -> None:
-    for rows, message in (
-        ("0.1,-4\n0.2,loud", r"chirps.csv: row 3 has 'loud', wanted a finite number"),
-        ("0.1,-4\n0.2,-300", r"chirps.csv: row 3 has -300 dB, wanted at most 100"),
-    ):
-        (folder / "chirps.csv").write_text(f"t_s,gain_db\n{rows}\n")
-        with pytest.raises(InputError, match=message):
-            read_recording(folder)
+    np.testing.assert_allclose(read.played_t_s, played_s, atol=1e-6)
+    np.testing.assert_array_equal(read.gain_db, gain_db)
+    head = "t_s\n" if gain_db is None else "t_s,gain_db\n"
+    assert (tmp_path / "hall" / "chirps.csv").read_text().startswith(head)
 
 
 @pytest.mark.parametrize(
     ("rows", "message"),
     [
-        ("0.1\n0.1", r"chirps.csv: time repeats at row 3"),
-        ("0.1\nlate", r"chirps.csv: row 3 has 'late', wanted a finite number"),
-        ("0.1\n2e6", r"chirps.csv: row 3 has 2e\+06 s, wanted at most 1e\+06"),
+        ("t_s\n0.1\n0.1", r"chirps.csv: time repeats at row 3"),
+        ("t_s\n0.1\n2e6", r"chirps.csv: row 3 has 2e\+06 s, wanted at most 1e\+06"),
+        ("t_s,gain_db\n0.1,-4\n0.2,loud", r"chirps.csv: row 3 has 'loud', wanted a finite"),
+        ("t_s,gain_db\n0.1,-4\n0.2,-300", r"chirps.csv: row 3 has -300 dB, wanted at most 100"),
     ],
 )
 def test_a_schedule_that_cannot_be_is_refused(folder: Path, rows: str, message: str) -> None:
-    (folder / "chirps.csv").write_text(f"t_s\n{rows}\n")
+    (folder / "chirps.csv").write_text(f"{rows}\n")
     with pytest.raises(InputError, match=message):
         read_recording(folder)
-
-
-def test_empty_recording_round_trip(tmp_path: Path) -> None:
-    write_recording(Recording("bare", "none"), tmp_path / "bare")
-    assert vars(read_recording(tmp_path / "bare")) == vars(Recording("bare", "none"))
-    assert [file.name for file in (tmp_path / "bare").iterdir()] == ["recording.json"]
 
 
 def test_same_recording_gives_same_bytes(tmp_path: Path, recording: Recording) -> None:
@@ -165,6 +146,8 @@ MANIFEST_DAMAGES = {
     "[]": "format_version is None, wanted 1",
     '{"format_version": 2}': "format_version is 2, wanted 1",
     '{"format_version": 1, "start_pose": [1]}': "start_pose is",
+    '{"format_version": 1, "start_pose": {"x": 1}}': "start_pose is",
+    '{"format_version": 1, "start_pose": [true, 0, 0]}': "start_pose",
     '{"format_version": 1, "start_pose": ["a", 2, 3]}': "start_pose is",
     '{"format_version": 1, "start_pose": [NaN, 2, 3]}': "holds nan, wanted finite",
     '{"format_version": 1, "audio": {"samples": 90000}}': "promises 90000",
@@ -221,12 +204,6 @@ def test_a_quaternion_that_is_no_rotation_is_refused(folder: Path) -> None:
         read_recording(folder)
 
 
-def test_clocks_that_never_meet_are_refused(folder: Path) -> None:
-    (folder / "gyroscope.csv").write_text("t_s,x,y,z\n50,0,0,0\n51,0,0,0\n")
-    with pytest.raises(InputError, match="do not overlap enough"):
-        read_recording(folder)
-
-
 def test_sigmas_of_another_length_are_refused(folder: Path) -> None:
     (folder / "odometry.tum").write_text("0 0 0 0 0 0 0 1\n1 10 0 0 0 0 0 1\n")
     with pytest.raises(InputError, match="5 rows for 2 poses"):
@@ -253,6 +230,7 @@ def test_broken_zip_is_refused(tmp_path: Path, folder: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "rows", "said"),
     [
+        ("accelerometer.csv", "t_s,x,y,z\n0,1,1e160,1\n", r"accelerometer\.csv: row 2 has 1e\+160"),
         ("emr.csv", "t_s,h1\n0,1\n1,1e300\n", r"emr\.csv: row 3 has 1e\+300 microvolts"),
         ("wifi.csv", "t_s,bssid,rssi_dbm,age_s\n0,a,-1e300,\n", r"wifi\.csv: row 2 has -1e\+300"),
         ("magnetometer.csv", "t_s,x,y,z\n0,1,1e300,1\n", r"magnetometer\.csv: row 2 has 1e\+300"),
@@ -272,15 +250,6 @@ def test_errors_within_a_zip_name_the_zip(tmp_path: Path, folder: Path) -> None:
     made = Path(shutil.make_archive(str(tmp_path / "walk"), "zip", folder))
     with pytest.raises(InputError, match=r"walk\.zip/emr\.csv: row 2"):
         read_recording(made)
-
-
-@pytest.mark.parametrize(
-    "given", ['"123"', "true", '{"x": 1}', "[true, 0, 0]", f"[1{'0' * 400}, 0, 0]"]
-)
-def test_odd_start_poses_are_refused(folder: Path, given: str) -> None:
-    (folder / "recording.json").write_text(f'{{"format_version": 1, "start_pose": {given}}}')
-    with pytest.raises(InputError, match="start_pose"):
-        read_recording(folder)
 
 
 def timed(t_s: np.ndarray, values: tuple[float, float, float] = (0.0, 0.0, 9.8)) -> str:
@@ -325,23 +294,6 @@ def test_a_gyroscope_on_its_own_clock_or_too_slow_is_refused(
     with pytest.raises(InputError, match=says) as refused:
         read_recording(motion)
     assert "\n" not in str(refused.value)
-
-
-def test_a_gyroscope_that_ended_early_ends_the_motion(motion: Path) -> None:
-    (motion / "gyroscope.csv").write_text(timed(T_S[:1000]))
-    np.testing.assert_allclose(read_recording(motion).imu.t_s, T_S[:1000], atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("accelerometer.csv", "1e160"), ("gyroscope.csv", "-101"), ("magnetometer.csv", "1e160")],
-)
-def test_values_beyond_belief_are_refused(motion: Path, name: str, value: str) -> None:
-    rows = timed(T_S).splitlines()
-    rows[7] = f"0.120,0,{value},9.8"
-    (motion / name).write_text("\n".join(rows))
-    with pytest.raises(InputError, match=rf"{name}: row 8 has .*wanted at most"):
-        read_recording(motion)
 
 
 @pytest.mark.parametrize("strength", [0.0, 1.0, 40.0])
@@ -415,15 +367,11 @@ PLAYED = {"kind": "chirp", "band_hz": [15_000, 20_000], "duration_s": 0.01, "per
     "change",
     [
         {"kind": "tone"},
-        {"kind": 3},
         {"band_hz": [16_000, 20_000]},
         {"band_hz": 15_000},
-        {"band_hz": [15_000]},
         {"duration_s": 0.02},
         {"period_s": 0.2},
-        {"period_s": "0.1"},
         {"period_s": None},
-        {"period_s": 10**18},
     ],
 )
 def test_sound_of_another_excitation_is_refused(heard: Path, change: dict[str, object]) -> None:
@@ -442,12 +390,6 @@ def test_the_excitation_stated_may_be_the_one_asked_for(heard: Path) -> None:
         read_recording(heard)
 
 
-def test_the_name_of_a_folder_may_hold_a_dot(tmp_path: Path) -> None:
-    (tmp_path / "walk.2").mkdir()
-    (tmp_path / "walk.2" / "recording.json").write_text('{"format_version": 1}')
-    assert read_recording(tmp_path / "walk.2").name == "walk.2"
-
-
 def test_a_start_without_a_heading_leaves_it_to_the_compass(folder: Path, tmp_path: Path) -> None:
     (folder / "recording.json").write_text('{"format_version": 1, "start_pose": [1.5, -2]}')
     read = read_recording(folder)
@@ -462,7 +404,7 @@ def test_notes_make_a_round_trip(tmp_path: Path) -> None:
     assert read_recording(tmp_path / "hall").notes == notes
 
 
-@pytest.mark.parametrize("notes", ["text", [1], {"a": "b"}, ["x" * 501], ["x"] * 201])
+@pytest.mark.parametrize("notes", ["text", [1], ["x" * 501], ["x"] * 201])
 def test_notes_that_are_none_are_refused(folder: Path, notes: object) -> None:
     said(folder, notes=notes)
     with pytest.raises(InputError, match=r"recording\.json: notes are"):

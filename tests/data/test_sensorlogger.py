@@ -130,12 +130,6 @@ def test_networks_are_read_whatever_their_names(tmp_path: Path) -> None:
             read_sensorlogger(log(tmp_path, {**ANDROID, "WiFi.csv": damaged}))
 
 
-def test_accelerations_in_g_become_metres(tmp_path: Path) -> None:
-    files = {**ANDROID, "TotalAcceleration.csv": table(UP)}
-    imu = read_sensorlogger(log(tmp_path, files)).recording.imu
-    np.testing.assert_allclose(imu.accel_mps2[0], 9.80665 * UP, atol=1e-7)
-
-
 @pytest.mark.parametrize("files", [ANDROID, IOS], ids=["android", "ios"])
 def test_gravity_decides_which_way_the_quaternion_turns(
     tmp_path: Path, files: dict[str, str]
@@ -240,17 +234,6 @@ def test_decimal_commas_between_commas_are_refused_and_not_guessed(tmp_path: Pat
     bad = saved_again(ANDROID["Gyroscope.csv"], ",", ",")
     with pytest.raises(InputError, match=r"row 2 has 9 cells for 5 columns"):
         read_sensorlogger(log(tmp_path, {**ANDROID, "Gyroscope.csv": bad}))
-
-
-@pytest.mark.parametrize("change", [str.lower, str.upper])
-def test_files_are_found_however_their_names_are_written(
-    tmp_path: Path, change: Callable[[str], str]
-) -> None:
-    recording = read_sensorlogger(
-        log(tmp_path, {change(name): text for name, text in ANDROID.items()})
-    ).recording
-    assert recording.device == "Test Phone"
-    assert recording.magnetometer is not None
 
 
 def annotations(*taps: tuple[float, str]) -> str:

@@ -72,29 +72,6 @@ def test_a_change_stays_in_its_tile() -> None:
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("kept", [0, 3, 30, -1])
-def test_a_part_that_is_cut_off_is_refused(kept: int) -> None:
-    given = a_map()
-    tiles = [tile.content for tile in tiles_of(given)]
-    stretches = [(each.walk, each.content) for each in stretches_of(given)]
-    known = {"encoder": "abc", "sources": given.sources}
-    with pytest.raises(InputError, match="fetch it again"):
-        map_of_parts([tiles[0][:kept], *tiles[1:]], stretches, **known)
-    first = stretches[0][0], stretches[0][1][:kept]
-    with pytest.raises(InputError, match="fetch it again"):
-        map_of_parts(tiles, [first, *stretches[1:]], **known)
-
-
-def test_spots_without_features_are_refused() -> None:
-    given = a_map()
-    tiles = [tile.content for tile in tiles_of(given)]
-    stretches = [(each.walk, each.content) for each in stretches_of(given)]
-    other = [(walk + 1, content) for walk, content in stretches]
-    for some in (stretches[1:], stretches[:-1], other, []):
-        with pytest.raises(InputError, match="no features"):
-            map_of_parts(tiles, some, encoder="abc", sources=given.sources)
-
-
 def test_spots_that_their_order_does_not_tell_apart_keep_their_features() -> None:
     given = replace(a_map(), walk=np.zeros(6, dtype=np.int64), order=np.zeros(6, dtype=np.int64))
     tiles = [tile.content for tile in tiles_of(given)]

@@ -13,14 +13,6 @@ from elfslam.data.truth_files import pauses_s, read_marks, stood_on, write_truth
 from elfslam.scoring.truth import read_truth
 
 
-def test_poses_round_trip(tmp_path: Path, truth: Truth) -> None:
-    write_truth(truth, tmp_path)
-    for path in (tmp_path, tmp_path / "truth.tum"):
-        np.testing.assert_allclose(
-            read_truth(path).world_from_body, truth.world_from_body, atol=4e-9
-        )
-
-
 def test_waypoints_round_trip(tmp_path: Path) -> None:
     truth = Truth([0.5, 2.0], [[1.0, 2.0, np.nan], [3.0, 4.0, np.nan]])
     write_truth(truth, tmp_path)

@@ -21,9 +21,9 @@ from elfslam.data.audio_files import WAV
 from elfslam.data.baseband import frame_starts_s, to_baseband
 from elfslam.data.importing import LogFormat
 from elfslam.data.recordings import write_recording
-from elfslam.stages.chirp import ChirpParameters, make_chirp
+from elfslam.stages.chirp import ChirpParameters, describe_chirp, make_chirp
 from elfslam.world.sensors import Sensor
-from elfslam.world.simulate import describe_chirp, load_world, simulate
+from elfslam.world.simulate import load_world, simulate
 
 RESULTS = """study,world,method,condition,metric,value
 elf,hall,compact,1 footstep,AUC,0.9

@@ -1,11 +1,6 @@
-"""A toy training, also as a program that is killed: `planted_training.py CHECKPOINT`."""
+"""A toy training."""
 
 from __future__ import annotations
-
-import os
-import signal
-import sys
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -13,8 +8,6 @@ from torch import Tensor
 
 from elfslam.base.values import ECHO_SAMPLES, EchoPairs
 from elfslam.learn.parameters import PretrainParameters
-from elfslam.learn.pretrain import pretrain
-from elfslam.learn.resumable import TrainingStep
 
 TINY = PretrainParameters(
     steps=6, pairs=8, width=4, warmup_steps=2, learning_rate=3e-3, checkpoint_steps=2
@@ -39,17 +32,3 @@ def traces(count: int, seed: int = 0) -> Tensor:
     decay = np.exp(-np.arange(ECHO_SAMPLES) / 500)
     noise = np.random.default_rng(seed).standard_normal((count, ECHO_SAMPLES))
     return torch.from_numpy((0.01 * noise * decay).astype(np.float32))
-
-
-def die_in_training(checkpoint: Path) -> None:
-    """A training that is killed after its fifth step; the last checkpoint was after the fourth."""
-
-    def report(progress: TrainingStep) -> None:
-        if progress.step == 5:
-            os.kill(os.getpid(), signal.SIGKILL)
-
-    pretrain(toy_pairs, TINY, seed=0, checkpoint=checkpoint, report=report)
-
-
-if __name__ == "__main__":
-    die_in_training(Path(sys.argv[1]))

@@ -84,7 +84,10 @@ def recall(encoder: OnnxEncoder, echoes: Echoes) -> float:
 
 @pytest.fixture(scope="module")
 def encoder() -> OnnxEncoder:
-    return load_encoder("compact")  # type: ignore[return-value]
+    shipped = load_encoder("compact")
+    assert isinstance(shipped, OnnxEncoder)
+    card = Card("Encoder: known", metrics={"a": 1.0})
+    return OnnxEncoder(encoder_content(network_of(shipped.content), card), "known")
 
 
 @pytest.fixture(scope="module")
@@ -143,21 +146,17 @@ def test_the_same_seed_gives_the_same_bytes(
     assert other.checks != one.checks or other.encoder.content != one.encoder.content
 
 
-@pytest.mark.parametrize(
-    ("card", "words"), [(Card("Encoder: known", metrics={"a": 1.0}), "known"), (None, "no card")]
-)
 def test_its_card_adds_the_fine_tuning_to_that_of_the_parent(
-    card: Card | None, words: str, encoder: OnnxEncoder, echoes: Echoes
+    encoder: OnnxEncoder, tuned: Finetuned
 ) -> None:
-    parent = OnnxEncoder(encoder_content(network_of(encoder.content), card), "parent")
-    child = finetune(parent, echoes, TOY, seed=0)
-    found = child.encoder.card
+    parent, found = encoder.card, tuned.encoder.card
+    assert parent is not None
     assert found is not None
-    assert words in found.text
-    assert found.metrics == {}, "figures of the parent are not its own"
-    (made,) = found.finetunings
-    assert (made.parent, made.seed, made.echoes) == (parent.identity, 0, ROUND * ROUNDS)
-    assert made.outcome == child.reason
+    assert found.text == parent.text
+    assert found.metrics == {} != parent.metrics, "figures of the parent are not its own"
+    made = found.finetunings[-1]
+    assert (made.parent, made.seed, made.echoes) == (encoder.identity, 0, ROUND * ROUNDS)
+    assert made.outcome == tuned.reason
     assert made.parameters["steps"] == TOY.steps
     assert made.parameters_digest == digest(TOY)
 
@@ -166,25 +165,18 @@ def test_what_was_fine_tuned_twice_says_so(tuned: Finetuned, echoes: Echoes) -> 
     """The second time nothing may be won, and then the file stays as it is."""
     first = tuned.encoder.card
     assert first is not None
-    again = finetune(tuned.encoder, echoes, replace(TOY, steps=10), seed=1)
+    again = finetune(tuned.encoder, echoes, replace(TOY, steps=4, check_steps=4), seed=1)
     second = again.encoder.card
     assert second is not None
     assert second.finetunings[: len(first.finetunings)] == first.finetunings
     assert len(second.finetunings) == len(first.finetunings) + again.changed
 
 
-def test_rows_stay_row_by_row(echoes: Echoes, tuned: Finetuned) -> None:
-    whole = tuned.encoder.embed(echoes.samples[:20])
-    alone = np.concatenate([tuned.encoder.embed(echoes.samples[k : k + 1]) for k in range(20)])
-    np.testing.assert_allclose(alone, whole, atol=1e-5)
-
-
 def test_where_it_hurts_the_encoder_is_kept(encoder: OnnxEncoder, echoes: Echoes) -> None:
     """A learning rate that wrecks any network: the look at the quality notices."""
     seen: list[Check] = []
-    wrecked = finetune(
-        encoder, echoes, replace(TOY, learning_rate=30.0, keep=0.0), seed=0, report=seen.append
-    )
+    wild = replace(TOY, steps=10, learning_rate=30.0, keep=0.0)
+    wrecked = finetune(encoder, echoes, wild, seed=0, report=seen.append)
     assert wrecked.encoder is encoder
     assert not wrecked.changed
     assert "does not help" in wrecked.reason

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 import torch
-from planted_training import toy_pairs, traces
+from planted_training import traces
 from torch import nn
 
 from elfslam.base.arrays import F64, I64
@@ -29,9 +29,7 @@ from elfslam.learn.network import (
     with_components,
 )
 from elfslam.learn.onnx_files import encoder_content, export_encoder, network_of
-from elfslam.learn.parameters import PretrainParameters
-from elfslam.learn.pretrain import pretrain
-from elfslam.stages.feature import FIRST_BIN, OnnxEncoder, load_encoder, spectrogram
+from elfslam.stages.feature import OnnxEncoder, load_encoder, spectrogram
 
 NETWORKS: dict[str, Callable[[], nn.Module]] = {
     "compact": lambda: CompactEncoder(8),
@@ -57,15 +55,6 @@ def test_the_spectrogram_is_that_of_the_line() -> None:
     theirs = spectrogram(samples.numpy())
     assert ours.shape == (7, 12, 48)
     np.testing.assert_allclose(ours, theirs, rtol=1e-4, atol=1e-4 * theirs.max())
-
-
-@pytest.mark.parametrize("row", [0, 5, 11])
-def test_a_tone_lights_its_own_row(row: int) -> None:
-    hz = (FIRST_BIN + row) * 44_100 / 96
-    tone = np.sin(2 * np.pi * hz * np.arange(ECHO_SAMPLES) / 44_100).astype(np.float32)
-    image = Spectrogram()(torch.from_numpy(tone)[None])[0]
-    assert (image.argmax(dim=0) == row).all()
-    assert float(image[row].mean()) == pytest.approx(24.0, rel=1e-3)  # half of a Hann window's 48
 
 
 def test_rows_are_unit(network: nn.Module) -> None:
@@ -133,11 +122,6 @@ def test_time_is_not_averaged_away(network: nn.Module) -> None:
     assert float(one[0] @ other[0]) < 0.999
 
 
-def test_the_width_sets_the_size() -> None:
-    small, large = (sum(p.numel() for p in CompactEncoder(w).parameters()) for w in (8, 24))
-    assert small < large < 500_000
-
-
 @pytest.fixture(scope="module")
 def resnet() -> ResNetEncoder:
     torch.manual_seed(0)
@@ -172,22 +156,6 @@ def test_its_file_is_read_by_the_line(resnet: ResNetEncoder, tmp_path: Path) -> 
     np.testing.assert_allclose(one, expected[:1], atol=1e-4)
 
 
-def test_pretraining_takes_it(tmp_path: Path) -> None:
-    losses: list[float] = []
-    resnet = pretrain(
-        lambda step: toy_pairs(0),
-        PretrainParameters(
-            network="resnet18", steps=5, pairs=8, warmup_steps=1, learning_rate=1e-3, threads=1
-        ),
-        seed=0,
-        checkpoint=tmp_path / "training.pt",
-        report=lambda progress: losses.append(progress.loss),
-    ).network
-    assert isinstance(resnet, ResNetEncoder)
-    assert not resnet.training
-    assert losses[-1] < 0.7 * losses[0]
-
-
 PLACES = 3
 
 
@@ -198,12 +166,6 @@ def planted(echoes: int, visits: int, seed: int = 0) -> tuple[F64, I64]:
     heard = 0.1 * generator.normal(size=(echoes, 10))
     heard[:, :PLACES] += generator.normal(size=(echoes, PLACES))
     return heard + 10 * generator.normal(size=(visits, 10))[visit], visit
-
-
-def test_the_directions_are_those_of_places_and_not_of_visits() -> None:
-    weight, _ = components(moments(*planted(4000, 40)), size=PLACES)
-    assert np.square(weight[:, :PLACES]).sum() / np.square(weight).sum() > 0.99
-    npt.assert_allclose(weight @ weight.T, np.eye(PLACES), atol=1e-9)
 
 
 def test_they_are_the_singular_vectors_of_what_varies_within_visits() -> None:

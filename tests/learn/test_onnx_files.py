@@ -6,14 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import onnx
-import onnxruntime
 import pytest
 import torch
 
 from elfslam.base.arrays import F32
 from elfslam.base.card import Card, Pretraining, metadata_of, training_facts
 from elfslam.base.errors import InputError
-from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE
+from elfslam.base.values import ECHO_SAMPLES
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.onnx_files import encoder_content, export_encoder, with_metrics
 from elfslam.learn.parameters import PretrainParameters
@@ -43,26 +42,9 @@ def file(network: CompactEncoder, tmp_path_factory: pytest.TempPathFactory) -> P
     return path
 
 
-@pytest.fixture(scope="module")
-def session(file: Path) -> onnxruntime.InferenceSession:
-    options = onnxruntime.SessionOptions()
-    options.log_severity_level = 3
-    return onnxruntime.InferenceSession(file, options, providers=["CPUExecutionProvider"])
-
-
 def by_torch(network: CompactEncoder, samples: F32) -> F32:
     with torch.no_grad():
         return network(torch.from_numpy(samples)).numpy()
-
-
-@pytest.mark.parametrize("count", [1, 2, 17])
-def test_it_gives_what_torch_gives_for_any_number_of_rows(
-    network: CompactEncoder, session: onnxruntime.InferenceSession, count: int
-) -> None:
-    samples = traces(count, seed=1)
-    (elf,) = session.run(["elf"], {"samples": samples})
-    assert elf.shape == (count, ELF_SIZE)
-    np.testing.assert_allclose(elf, by_torch(network, samples), atol=1e-5)
 
 
 def test_the_file_is_whole_small_and_by_the_book(file: Path) -> None:
@@ -104,13 +86,6 @@ def test_a_network_in_training_is_exported_as_it_will_be_used(
     assert (tmp_path / "again.onnx").read_bytes() == file.read_bytes()
 
 
-def test_an_older_file_is_replaced(network: CompactEncoder, tmp_path: Path) -> None:
-    path = tmp_path / "encoder.onnx"
-    path.write_bytes(b"older")
-    export_encoder(network, path)
-    onnx.checker.check_model(onnx.load(path))
-
-
 def card(seed: int = 3) -> Card:
     facts = training_facts(PretrainParameters())
     how = Pretraining("elfslam 0", seed, 1024, "float32", 1.5, **facts)
@@ -128,17 +103,6 @@ def test_the_file_carries_its_card(network: CompactEncoder, file: Path, tmp_path
     assert (with_card.embed(samples) == without.embed(samples)).all()
     assert onnx.load(path).graph == onnx.load(file).graph
     assert read_card(str(file)) is None
-
-
-def test_the_same_card_gives_the_same_file_and_another_another(
-    network: CompactEncoder, tmp_path: Path
-) -> None:
-    paths = [tmp_path / f"{name}.onnx" for name in "abc"]
-    for path, seed in zip(paths, (3, 3, 4), strict=True):
-        export_encoder(network, path, card=card(seed))
-    one, again, other = (path.read_bytes() for path in paths)
-    assert one == again
-    assert one != other
 
 
 def test_figures_go_on_the_card_and_change_nothing_else(network: CompactEncoder) -> None:

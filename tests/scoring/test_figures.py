@@ -56,10 +56,6 @@ def test_thinned_keeps_the_ends_and_the_few() -> None:
     assert figures.thinned(0, 3).tolist() == []
 
 
-def test_a_plan_has_equal_axes() -> None:
-    assert figures.plan([]).layout.yaxis.scaleanchor == "x"
-
-
 @pytest.mark.parametrize("by_m", [[0.0, 0.0], [5e5, 5e6]], ids=["here", "UTM"])
 def test_a_walk_is_drawn_to_the_millimetre_wherever_it_lies(by_m: list[float]) -> None:
     walk = np.array([[0.0, 0.0], [0.123, 0.456], [3.0, 0.0], [7.891, 5.25]]) + by_m
@@ -82,12 +78,6 @@ def test_reduction_keeps_the_greatest_score() -> None:
     assert starts[row] <= 1234 < starts[row + 1]
     assert starts[column] <= 77 < starts[column + 1]
     assert small[row, column] == pytest.approx(0.9)
-
-
-def test_a_small_matrix_is_shown_whole() -> None:
-    small, starts = charts.reduced(Similarity(np.eye(3), "elf"))
-    assert small.tolist() == np.eye(3).tolist()
-    assert starts.tolist() == [0, 1, 2]
 
 
 def test_the_histogram_counts_each_pair_once() -> None:

@@ -1,12 +1,15 @@
-"""A room with a table, a lamp above the floor, and blocks at random."""
+"""Worlds that come along; a room with a table, a lamp above the floor, and blocks at random."""
 
 from __future__ import annotations
+
+from functools import cache
 
 import numpy as np
 
 from elfslam.world.materials import Material
 from elfslam.world.room import Block, Room, box, shoebox
 from elfslam.world.scene import Scene, scene_of
+from elfslam.world.world_file import World, load_world
 
 PLAIN = Material("plain", 0.3, 0.0, "planted")
 NOBODY = np.zeros((0, 2))
@@ -14,6 +17,12 @@ TABLE = box("table", [2.0, 1.0, 0.0], [1.0, 2.0, 0.7], PLAIN, 0.0, 0.0)
 LAMP = box("lamp", [4.0, 1.0, 1.8], [1.0, 2.0, 0.4], PLAIN, 0.0, 0.0)
 ELL_M = np.array([[0, 0], [6, 0], [6, 3], [3, 3], [3, 5], [0, 5]], dtype=float)
 """An outline with a notch."""
+
+
+@cache
+def loaded(name: str) -> World:
+    """A built-in world, which is read once."""
+    return load_world(name)
 
 
 def scene_with(*blocks: Block) -> Scene:

@@ -13,11 +13,8 @@ from one_phone import (
     AIR,
     C128,
     DEAD,
-    FIRST_ORDER,
     HARD,
-    MICROPHONE_M,
     SIZE_M,
-    SPEAKER_M,
     UP,
     X,
     assert_one_path,
@@ -32,9 +29,9 @@ from elfslam.world.device import BAND_BINS
 from elfslam.world.materials import Material
 from elfslam.world.paths import Reach
 from elfslam.world.phone import Transducers
-from elfslam.world.plan import PERSON_HEIGHT_M, PERSON_RADIUS_M
+from elfslam.world.plan import PERSON_RADIUS_M
 from elfslam.world.pulses import BASEBAND_HZ, CARRIER_HZ, PHASES, TAPS, pulse_table
-from elfslam.world.room import Block, Room, box, shoebox
+from elfslam.world.room import Room, box, shoebox
 from elfslam.world.scene import EDGE_GAIN, Scene, scene_of
 
 WALLS = tuple(
@@ -52,23 +49,6 @@ def test_the_direct_sound_comes_after_its_way(distance_m: float) -> None:
     speaker_m = np.array([0.2, 2.0, 1.0])
     response = heard(dead_room(), ends_at(speaker_m, speaker_m + distance_m * X))
     assert_one_path(response, distance_m, 1.0)
-
-
-@pytest.mark.parametrize("face", range(6))
-def test_a_wall_is_a_mirror(face: int) -> None:
-    """The image lies as far behind the wall as the speaker before it."""
-    surfaces = [DEAD] * 6
-    surfaces[face] = WALLS[face]
-    direct = heard(dead_room())
-    response = heard(shoebox(SIZE_M, tuple(surfaces))) - direct
-    image_m = SPEAKER_M.copy()
-    axis, far = divmod(face, 2)
-    image_m[axis] = 2 * far * SIZE_M[axis] - image_m[axis]
-    assert_one_path(response, np.linalg.norm(image_m - MICROPHONE_M), WALLS[face].reflection)
-
-
-def test_held_phones_hear_no_direct_sound() -> None:
-    assert not heard(dead_room(), ends_at(held=True)).any()
 
 
 def naive_envelope(ends: Transducers, reach: Reach) -> C128:
@@ -123,19 +103,15 @@ def test_nothing_is_heard_beyond_the_longest_path() -> None:
 def test_what_stands_between_hides_and_what_is_lower_does_not() -> None:
     low_m, high_m = np.array([1.0, 2.5, 1.4]), np.array([6.0, 2.5, 1.4])
     ends = ends_at(low_m, high_m)
-    for top_m, hidden in ((3.0, True), (1.5, True), (1.3, False)):
-        block = box("partition", [3.0, 1.0, 0.0], [0.2, 3.0, top_m], DEAD, clutter_per_m2=0.0)
+    for base_m, top_m, hidden in (
+        (0.0, 3.0, True), (0.0, 1.5, True), (0.0, 1.3, False), (1.3, 1.5, True), (1.5, 2.0, False),
+    ):  # fmt: skip
+        size_m = [0.2, 3.0, top_m - base_m]
+        block = box("partition", [3.0, 1.0, base_m], size_m, DEAD, clutter_per_m2=0.0)
         scene = scene_of(dead_room(block))._replace(edge_a=np.zeros((0, 3)))
         assert np.abs(heard(scene, ends)).max() == pytest.approx(0.0) or not hidden
         if not hidden:
             assert_one_path(heard(scene, ends), 5.0, 1.0)
-
-
-def test_sound_passes_below_what_hangs() -> None:
-    lamp = Block("lamp", DEAD, [3.0, 2.5], [0.5, 2.0, 0.5], base_m=1.6, clutter_per_m2=0.0)
-    scene = scene_of(dead_room(lamp))._replace(edge_a=np.zeros((0, 3)))
-    assert_one_path(heard(scene, ends_at([1.0, 2.5, 1.4], [6.0, 2.5, 1.4])), 5.0, 1.0)
-    assert not heard(scene, ends_at([1.0, 2.5, 1.8], [6.0, 2.5, 1.8])).any()
 
 
 @pytest.mark.parametrize(("top_m", "gain"), [(1.5, HARD.reflection), (1.1, 0.0)])
@@ -150,13 +126,6 @@ def test_a_block_reflects_as_high_as_it_is(top_m: float, gain: float) -> None:
         assert_one_path(response, np.hypot(3.5, 1.0), gain)
     else:
         assert not response.any()
-
-
-def test_a_turned_block_reflects_to_the_side() -> None:
-    """A mirror at 45 degrees: along x to (3.593, 2.8) and then along y."""
-    pillar = Block("pillar", HARD, [4.0, 2.5], [1.0, 1.0, 3.0], np.pi / 4, clutter_per_m2=0.0)
-    ends = ends_at([1.0, 2.8, 1.5], [3.5928932, 4.5, 1.5], held=True)
-    assert_one_path(heard(dead_room(pillar), ends), 2.5928932 + 1.7, HARD.reflection, rel=2e-3)
 
 
 def test_a_table_top_is_a_mirror_too() -> None:
@@ -217,17 +186,6 @@ def test_a_person_reflects_like_a_cylinder() -> None:
     gap_m = 2.0 - PERSON_RADIUS_M
     curved = 1 / np.sqrt(1 + gap_m / PERSON_RADIUS_M)
     assert_one_path(response, 2 * gap_m - 0.01, PERSON_REFLECTION * curved, rel=0.02)
-
-
-@pytest.mark.parametrize("above_m", [-0.1, 0.1])
-def test_a_person_hides_what_is_behind_up_to_the_crown(above_m: float) -> None:
-    z_m = PERSON_HEIGHT_M + above_m
-    speaker_m, microphone_m = np.array([1.0, 2.5, z_m]), np.array([6.0, 2.5, z_m])
-    ends, person_m = ends_at(speaker_m, microphone_m), np.array([3.0, 2.55])
-    alone = heard(dead_room(), ends)
-    # What the person reflects forward comes later than the direct sound would.
-    with_person = heard(dead_room(), ends, person_m, FIRST_ORDER._replace(longest_m=5.0001))
-    assert np.allclose(with_person, alone if above_m > 0 else 0.0)
 
 
 # --- laws ---
@@ -293,18 +251,3 @@ def test_a_turned_world_sounds_the_same(seed: int, turn_rad: float) -> None:
     before = heard(PLAIN_SCENE, here, reach=DEEP)
     after = heard(furnished(turn_rad), there, reach=DEEP)
     assert np.linalg.norm(before - after) <= 1e-5 * np.linalg.norm(before)
-
-
-def test_an_even_room_looks_the_same_after_half_a_turn() -> None:
-    """Why furniture and materials matter: nothing else tells the two places apart."""
-    across = np.array([SIZE_M[0], SIZE_M[1], 0.0])
-    mirror = np.array([-1.0, -1.0, 1.0])
-    even = (WALLS[0], WALLS[0], WALLS[2], WALLS[2], WALLS[4], WALLS[5])
-    for surfaces, expected in ((even, True), (WALLS, False)):
-        room = shoebox(SIZE_M, surfaces)
-        here = heard(room, ends_at(directivity=0.3), reach=DEEP)
-        ends = ends_at(
-            across + mirror * SPEAKER_M, across + mirror * MICROPHONE_M, axis=-X, directivity=0.3
-        )
-        same = np.linalg.norm(heard(room, ends, reach=DEEP) - here) < 1e-5 * np.linalg.norm(here)
-        assert same == expected

@@ -12,8 +12,6 @@ from hypothesis import strategies as st
 from elfslam.base.errors import InputError
 from elfslam.world.device import (
     BAND_BINS,
-    BAND_LOW_HZ,
-    BIN_HZ,
     BMI160,
     BROWSER,
     DEVICES,
@@ -54,14 +52,6 @@ def test_the_ripple_is_the_one_asked_for(seed: int, ripple_db: float) -> None:
     assert np.abs(np.diff(level_db)).max() < 0.06 * ripple_db
 
 
-def test_the_named_phone_is_fixed_for_all_time() -> None:
-    first, second = named_device("a"), named_device("b")
-    assert (first.response == second.response).all()
-    assert np.ptp(20 * np.log10(first.response)) == pytest.approx(10.0)
-    expected = [0.791577, 1.70477, 0.829358, 0.544091]
-    np.testing.assert_allclose(first.response[[0, 200, 400, 629]], expected, rtol=1e-5)
-
-
 @pytest.mark.parametrize("name", DEVICES)
 def test_the_built_in_phones_are_fixed_for_all_time(name: str) -> None:
     phone = built_in_device(name)
@@ -79,16 +69,6 @@ def test_the_built_in_phones_differ_in_what_their_names_say() -> None:
     assert (built_in_device("bottom-fired").speaker_axis == [0, -1, 0]).all()
     assert built_in_device("cheap").clock_skew_ppm == 20.0
     assert built_in_device("cheap").noise_rms > named_device("simulated phone").noise_rms
-
-
-def test_the_cheap_phone_falls_steeply_above_18_khz() -> None:
-    """10 dB per kHz on top of a ripple of 12 dB, and the same phone below."""
-    level_db = 20 * np.log10(built_in_device("cheap").response)
-    without = 20 * np.log10(smooth_response(np.random.default_rng(162), 12.0))
-    frequency_hz = BAND_LOW_HZ + BIN_HZ * np.arange(BAND_BINS)
-    fall_db = without - level_db
-    assert np.abs(fall_db[frequency_hz <= 18_000]).max() < 1e-9
-    assert np.interp(20_000, frequency_hz, fall_db) == pytest.approx(20.0)
 
 
 @pytest.mark.parametrize("name", DEVICES)
@@ -146,31 +126,21 @@ def ripple_of(phone: Device) -> float:
     return float(np.ptp(20 * np.log10(phone.response)))
 
 
-def test_the_band_holds_the_chirp() -> None:
-    assert BAND_LOW_HZ < 15_000
-    assert BAND_LOW_HZ + BAND_BINS * BIN_HZ > 20_000
-
-
 def test_a_response_of_another_size_is_refused() -> None:
     with pytest.raises(InputError, match=r"Device\.response: wanted shape \(630\), got \(629,\)"):
         Device(name="short", response=np.ones(629))
 
 
-def test_the_grade_is_the_one_of_the_data_sheet() -> None:
-    """BST-BMI160-DS000: 0.007 deg/s/rtHz, 180 ug/rtHz, 40 mg."""
-    assert np.rad2deg(BMI160.gyro_noise_radps_rthz) == pytest.approx(0.007)
-    assert BMI160.accel_noise_mps2_rthz == pytest.approx(1.765e-3, rel=1e-3)
-    assert BMI160.accel_bias_mps2 == pytest.approx(0.392, rel=1e-2)
-
-
-def test_the_other_grades_are_those_of_their_data_sheets() -> None:
-    """DS12140: 3.8 mdps/rtHz, 70 ug/rtHz, 20 mg. DS-000189: 15 mdps/rtHz, 230 ug/rtHz, 25 mg."""
-    stated = {LSM6DSO: (0.0038, 70, 20), ICM20948: (0.015, 230, 25)}
+def test_grades_are_those_of_their_data_sheets() -> None:
+    """BST-BMI160-DS000: 7 mdps/rtHz, 180 ug/rtHz, 40 mg. DS12140: 3.8 mdps/rtHz, 70 ug/rtHz, 20 mg.
+    DS-000189: 15 mdps/rtHz, 230 ug/rtHz, 25 mg."""
+    stated = {BMI160: (0.007, 180, 40), LSM6DSO: (0.0038, 70, 20), ICM20948: (0.015, 230, 25)}
     for grade, (gyro_dps, accel_ug, offset_mg) in stated.items():
         assert np.rad2deg(grade.gyro_noise_radps_rthz) == pytest.approx(gyro_dps)
         assert grade.accel_noise_mps2_rthz / 9.80665e-6 == pytest.approx(accel_ug)
         assert grade.accel_bias_mps2 / 9.80665e-3 == pytest.approx(offset_mg)
-        assert np.rad2deg(grade.gyro_bias_instability_radps) * 3600 == pytest.approx(10.0)
+        instability = np.rad2deg(grade.gyro_bias_instability_radps) * 3600
+        assert instability == pytest.approx(10.0 * (grade is not BMI160))
 
 
 def test_grades_are_known_by_short_names() -> None:
@@ -179,8 +149,3 @@ def test_grades_are_known_by_short_names() -> None:
     }  # fmt: skip
     with pytest.raises(InputError, match=r"imu 'ICM2094': wanted BMI160, .*mean 'ICM20948'"):
         built_in_grade("ICM2094")
-
-
-def test_a_browser_is_slow_and_rounds() -> None:
-    assert (BROWSER.rate_hz, BROWSER.decimals) == (60.0, 1)
-    assert BROWSER.gyro_noise_radps_rthz == BMI160.gyro_noise_radps_rthz

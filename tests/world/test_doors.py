@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from one_phone import AIR, DEAD, FIRST_ORDER, UP, ends_at
+from planted_blocks import loaded
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
@@ -15,12 +16,11 @@ from elfslam.world.circumstances import Circumstances, room_on
 from elfslam.world.kinds import PEOPLE
 from elfslam.world.materials import Material, material
 from elfslam.world.phone import image_echoes
-from elfslam.world.plan import hides, look, make_sight
 from elfslam.world.pulses import BASEBAND_HZ
 from elfslam.world.room import Block, Room, fault_of_route, shoebox
 from elfslam.world.scattering import as_measured
 from elfslam.world.scene import scene_of
-from elfslam.world.world_file import World, load_world, parse_world, world_names
+from elfslam.world.world_file import World, parse_world, world_names
 
 HARD = Material("hard", 0.1, 0.0, "planted")
 SIZE_M = np.array([8.0, 4.0, 3.0])
@@ -97,14 +97,6 @@ def test_leaves_are_blocks_where_their_ends_are(turn_rad: float) -> None:
 # --- sound ---
 
 
-def test_a_shut_door_hides_what_is_behind_it_and_an_open_one_does_not() -> None:
-    for is_open in (True, False):
-        scene = scene_of(opened(door_of(), divided(), is_open=is_open))
-        sight = make_sight(len(scene.block_low))
-        look(scene, sight, *PHONE_M, 20.0)
-        assert hides(scene, NOBODY, sight, *BEHIND_M) is not is_open
-
-
 def test_a_mirror_beyond_an_opening_is_heard_while_its_door_is_open() -> None:
     gap, wide, shut = (
         after_m(room, EAST_M)
@@ -117,12 +109,6 @@ def test_a_mirror_beyond_an_opening_is_heard_while_its_door_is_open() -> None:
     assert gap > 0.01
     assert wide == pytest.approx(gap)
     assert shut < 1e-3 * gap
-
-
-def test_a_leaf_mirrors_where_it_stands() -> None:
-    """Shut, it lies 1.48 m before the phone; the gap itself returns nothing."""
-    assert after_m(divided(), 2 * 1.48) < 1e-6
-    assert after_m(opened(door_of(), divided(), is_open=False), 2 * 1.48) > 0.1
 
 
 def test_a_door_in_an_outer_wall_is_the_wall_while_it_is_shut() -> None:
@@ -198,7 +184,7 @@ def test_walkers_mind_leaves_wherever_they_may_stand() -> None:
 @pytest.mark.parametrize("name", world_names())
 def test_built_in_worlds_keep_their_plans(name: str) -> None:
     """Walls, furniture and ways are those of a world without doors."""
-    world = load_world(name)
+    world = loaded(name)
     assert room_on(world, Circumstances()) is world.room
     for day in (0, 20):
         room = room_on(world, Circumstances(lived_in=True, day=day))
@@ -211,23 +197,20 @@ def test_built_in_worlds_keep_their_plans(name: str) -> None:
 
 @pytest.mark.parametrize("name", world_names())
 def test_no_door_of_a_built_in_world_is_ever_in_the_way(name: str) -> None:
-    world = load_world(name)
-    asking = PEOPLE.asking_place(world, 1)
-    for place in (world, asking):
-        for day in (0, 20, 21):
-            room = doors.with_doors(place.room, place.doors, place.ways_m, day)
-            assert fault_of_route(room, place.route_m, closed=True) is None
-            for route_m in place.people.routes_m:
-                assert fault_of_route(room, route_m, closed=False) is None
+    """Nor in that of a query; the ways of the world itself are looked at as it is read."""
+    asking = PEOPLE.asking_place(loaded(name), 1)
+    for day in (0, 20):
+        room = doors.with_doors(asking.room, asking.doors, asking.ways_m, day)
+        assert fault_of_route(room, asking.route_m, closed=True) is None
 
 
 def test_rooms_and_stores_have_doors_and_one_store_is_walked_into() -> None:
-    counts = {name: len(load_world(name).doors) for name in world_names()}
+    counts = {name: len(loaded(name).doors) for name in world_names()}
     assert counts == {
         "concourse": 0, "hall": 0, "lab": 1, "living_room": 1, "lounge": 1, "mall": 13,
         "office": 2, "studio": 1,
     }  # fmt: skip
-    mall = load_world("mall")
+    mall = loaded("mall")
     assert [d.name for d in mall.doors if any(doors.leads_through(w, d) for w in mall.ways_m)] == [
         "pharmacy door"
     ]
@@ -292,15 +275,9 @@ def test_a_door_is_as_high_as_the_ceiling_at_most() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "mark", "complaint"),
     [
-        ("leaves = 2", "leaves = 3", "leaves", "leaves is 3, wanted a whole number from 1 to 2"),
         ("to_m = [6.1, 0.0]", "to_m = [3.5, 0.0]", "to_m = [3.5", "wanted 0.4 to 2; move an end"),
         ("to_m = [6.1, 0.0]", "to_m = [7.5, 0.0]", "to_m = [7.5", "its leaf is 0.20 m wide"),
-        ("height_m = 2.0", "height_m = 2.6", "height_m", "wanted a number from 0.4 to 2.5"),
-        ("open_deg = -80.0", "open_deg = 200.0", "open_deg = 200", "number from -180 to 180"),
-        ('"glass"', '"glas"', "material", "did you mean 'glass'?"),
-        ("open_deg = -80.0", "opens_deg = -80.0", "opens_deg", "did you mean 'open_deg'?"),
         ('name = "exit"', 'name = "inner"', 'name = "inner"\nfrom_m = [7.9', "is taken; give each"),
-        ('name = "exit"', 'name = "shelf"', 'name = "shelf"\nfrom_m = [7.9', "is taken; give each"),
         ("to_m = [3.0, 2.5]\nopen", "to_m = [3.0, 2.2]\nopen", "from_m = [3.0, 1.5]",
          "'inner' ends at [3.0, 2.2], 0.15 m or more from any wall or piece; move that end"),
         ("from_m = [3.0, 1.5]\nto_m = [3.0, 2.5]", "from_m = [3.0, 0.3]\nto_m = [3.0, 1.3]",

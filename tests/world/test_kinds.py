@@ -10,7 +10,7 @@ from elfslam.base.errors import ParameterError
 from elfslam.world import kinds
 from elfslam.world.circumstances import Circumstances, device_of
 from elfslam.world.materials import material
-from elfslam.world.room import Room, box, fault_of_route, shoebox
+from elfslam.world.room import Room, box, shoebox
 from elfslam.world.simulate import WALKERS
 from elfslam.world.walker import smooth_lap
 from elfslam.world.world_file import load_world
@@ -69,7 +69,7 @@ def away_m(points_m: F64, route_m: F64) -> F64:
     return np.linalg.norm(points_m[:, None] - lap_xy[None, ::5], axis=2).min(axis=1)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_a_part_is_kept_and_a_part_cut_across(seed: int) -> None:
     room = shoebox(np.array([10.0, 8.0, 3.0]), PLASTER)
     route_m = kinds.crossing_route(room, ROUTE_M, np.random.default_rng(seed))
@@ -78,16 +78,6 @@ def test_a_part_is_kept_and_a_part_cut_across(seed: int) -> None:
     assert off_m.max() > kinds.LEFT_OUT_M
     assert 0.3 < (off_m < 0.3).mean() < 0.95
     assert length_m < smooth_lap(ROUTE_M)[1]
-
-
-@pytest.mark.parametrize("world", ["studio", "lounge", "concourse"])
-def test_nobody_walks_through_furniture(world: str) -> None:
-    place = load_world(world)
-    for seed in range(3):
-        route_m = kinds.crossing_route(place.room, place.route_m, np.random.default_rng(seed))
-        assert route_m is not place.route_m
-        ends_m = route_m[[-1, 0]]
-        assert fault_of_route(place.room, np.vstack([ends_m, ends_m[:1]]), closed=False) is None
 
 
 def test_where_nothing_leads_across_the_route_stays() -> None:

@@ -23,18 +23,13 @@ from elfslam.world.materials import (
 SHARE = st.floats(0.0, 1.0)
 
 
-@given(absorption=SHARE, scattering=SHARE)
-def test_no_energy_is_lost_or_made(absorption: float, scattering: float) -> None:
-    made = Material("any", absorption, scattering, "test")
-    assert made.reflection**2 + made.diffuse + made.absorption == pytest.approx(1.0)
-
-
 @given(absorption=SHARE, scattering=SHARE, frequency_hz=st.floats(15_000.0, 20_000.0))
 def test_no_energy_is_lost_or_made_at_any_frequency(
     absorption: float, scattering: float, frequency_hz: float
 ) -> None:
-    there = Material("any", absorption, scattering, "test").at(frequency_hz)
-    assert there.reflection**2 + there.diffuse + there.absorption == pytest.approx(1.0)
+    made = Material("any", absorption, scattering, "test")
+    for there in (made, made.at(frequency_hz)):
+        assert there.reflection**2 + there.diffuse + there.absorption == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("roughness_m", [1e-4, 3e-4, 1e-3, 2e-3])
@@ -105,20 +100,6 @@ def test_scattering_of_the_rough_is_that_of_the_roughness_stated() -> None:
         assert material(name).scattering == pytest.approx(
             rough_scattering(roughness_mm / 1000), abs=6e-4
         )
-
-
-def test_rough_walls_scatter_more_until_nothing_is_mirrored() -> None:
-    assert rough_scattering(0.0) == 0.0
-    assert rough_scattering(1e-4) < 0.01 < rough_scattering(1e-3) < 0.2
-    assert rough_scattering(0.01) == pytest.approx(1.0, abs=1e-6)
-
-
-def test_every_source_says_which_band_or_that_it_is_an_estimate() -> None:
-    for item in MATERIALS.values():
-        absorption, scattering = item.source.split("; scattering: ")
-        assert re.match(r"absorption: ([48] kHz band|estimate)", absorption), item.name
-        assert re.match(r"8 kHz band|estimate", scattering), item.name
-        assert re.search("taken as it is|boundary layer|estimate", absorption), item.name
 
 
 PUBLISHED = {

@@ -67,19 +67,6 @@ def test_patches_of_a_face_are_its_own_whatever_else_moves() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("way", "face", "far_m"),
-    [
-        ([0, -1, 0], 0, 2.0), ([1, 0, 0], 1, 5.0), ([0, 1, 0], 2, 2.0), ([-1, 0, 0], 3, 1.0),
-        ([0, 0, -1], 4, 1.2), ([0, 0, 1], 5, 1.8),
-    ],
-)  # fmt: skip
-def test_a_ray_meets_the_side_it_points_at(way: list[float], face: int, far_m: float) -> None:
-    assert met(empty(), np.array([1.0, 2.0, 1.2]), np.array(way, float)) == (
-        face, pytest.approx(far_m),
-    )  # fmt: skip
-
-
 def test_a_block_is_met_first_and_by_the_side_it_shows() -> None:
     start = np.array([1.0, 2.0, 1.2])
     assert met(furnished(), start, np.array([1.0, 0, 0])) == (6, pytest.approx(1.0))

@@ -111,7 +111,9 @@ def test_lobes_turn_with_the_phone() -> None:
     assert 0.2 < np.linalg.norm(lobed) / np.linalg.norm(plain) < 0.9
 
 
-@pytest.mark.parametrize(("temperature_c", "speed_mps"), [(20.0, 343.2), (0.0, 331.3)])
+@pytest.mark.parametrize(
+    ("temperature_c", "speed_mps"), [(20.0, 343.2), (0.0, 331.3), (40.0, 354.7)]
+)
 def test_air_is_that_of_its_temperature(temperature_c: float, speed_mps: float) -> None:
     air = air_at(temperature_c)
     assert air.speed_mps == pytest.approx(speed_mps, abs=0.1)

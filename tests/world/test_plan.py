@@ -28,11 +28,6 @@ def test_a_line_enters_and_leaves_what_it_crosses() -> None:
     np.testing.assert_allclose(found, [[11, 12, 0, 0.7], [13, 14, 1.8, 2.2]])
 
 
-def test_a_line_that_ends_within_a_block_in_plan_is_cut_there() -> None:
-    found = crossed(scene_with(TABLE), np.array([2.5, 2.0]), np.array([2.5, 2.8]))
-    np.testing.assert_allclose(found, [[0.0, 0.8, 0.0, 0.7]])
-
-
 @pytest.mark.parametrize(
     ("a", "b"), [([1, 0.9999], [7, 0.9999]), ([1, 3.5], [7, 3.5]), ([1, 2], [3, 0])]
 )
@@ -103,48 +98,10 @@ def is_hidden(scene: Scene, a: F64, b: F64, people: F64 = NOBODY) -> bool:
     return bool(plan.hides(scene, people, sight_from(scene, a), *map(float, b)))
 
 
-@pytest.mark.parametrize(
-    ("from_m", "to_m", "hidden"),
-    [
-        ([1, 2, 0.5], [3.5, 2, 0.5], True),
-        ([1, 2, 0.8], [3.5, 2, 0.8], False),
-        ([1, 2, 0.1], [3.5, 2, 1.5], True),
-        ([1, 2, 2.0], [6.0, 2, 2.0], True),
-        ([1, 2, 1.5], [6.0, 2, 1.5], False),
-        ([1, 2, 2.3], [6.0, 2, 2.3], False),
-        ([1, 4, 0.5], [6.0, 4, 0.5], False),
-    ],
-)
-def test_sight_passes_over_a_table_and_below_a_lamp(
-    from_m: list[float], to_m: list[float], hidden: bool
-) -> None:
-    scene, a, b = scene_with(TABLE, LAMP), np.array(from_m), np.array(to_m)
-    assert is_hidden(scene, a, b) == is_hidden(scene, b, a) == hidden
-
-
 @pytest.mark.parametrize(("height_m", "hidden"), [(1.6, True), (1.8, False)])
 def test_sight_passes_over_a_person(height_m: float, hidden: bool) -> None:
     people, a, b = np.array([[4.0, 4.0]]), np.array([1, 4, height_m]), np.array([7, 4, height_m])
     assert is_hidden(scene_with(), a, b, people) == hidden
-
-
-def by_crossings(scene: Scene, a: F64, b: F64) -> bool:
-    """The same by all that the line crosses in plan, and at what height."""
-    crossings = plan.make_crossings(len(scene.block_low))
-    count = plan.note_crossings(scene, NOBODY, crossings, 0, 0.0, a[0], a[1], b[0], b[1])
-    slope = (b[2] - a[2]) / np.linalg.norm((b - a)[:2])
-    ends = a[2] + slope * np.stack([crossings.enter[:count], crossings.leave[:count]])
-    low, high = crossings.low[:count], crossings.high[:count]
-    return bool(((ends.min(axis=0) < high) & (ends.max(axis=0) > low)).any())
-
-
-@settings(max_examples=60)
-@given(seed=st.integers(0, 10_000), count=st.sampled_from([1, 5, FEW_BLOCKS + 9]))
-def test_sight_agrees_with_what_the_line_crosses(seed: int, count: int) -> None:
-    generator = np.random.default_rng(seed)
-    scene = scene_with(*random_blocks(generator, count))
-    for a, b in generator.uniform([0, 0, 0], [8, 6, 2.5], (10, 2, 3)):
-        assert is_hidden(scene, a, b) == by_crossings(scene, a, b)
 
 
 CLEAR_M = 1e-3
@@ -181,20 +138,6 @@ def test_a_point_is_hidden_where_a_box_is_cut_in_space(seed: int, count: int) ->
         hidden = bool(plan.hides(scene, NOBODY, sight, *point))
         assert hidden or not through
         assert touched or not hidden
-
-
-@given(angle=st.floats(0, 2 * np.pi), turn=st.floats(-np.pi, np.pi))
-def test_sectors_wrap_round(angle: float, turn: float) -> None:
-    """A box in any direction hides what is behind it and neither what is beside nor opposite."""
-    middle, ahead = np.array([4.0, 3.0]), np.array([np.cos(angle), np.sin(angle)])
-    pillar = Block("pillar", PLAIN, middle + 1.5 * ahead, np.array([0.6, 0.6, 2.5]), turn, 0.0, 0.0)
-    scene = scene_with(pillar)
-    sight = sight_from(scene, np.append(middle, 1.2))
-    left = np.array([-ahead[1], ahead[0]])
-    views = [(2.5 * ahead, True), (1.0 * ahead, False), (-2.5 * ahead, False), (2.5 * left, False)]
-    for way, hidden in views:
-        assert bool(plan.hides(scene, NOBODY, sight, *(middle + way), 1.2)) == hidden
-    assert 0 < np.count_nonzero(sight.filled) < plan.SECTORS / 4
 
 
 def test_what_is_farther_than_asked_for_is_left_out_and_nothing_else() -> None:

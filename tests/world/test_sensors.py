@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from planted_blocks import loaded
 
 from elfslam.base.errors import InputError
-from elfslam.base.values import Emr, Magnetometer, Recording, WifiScans
+from elfslam.base.values import Emr, Magnetometer, Recording, Truth, WifiScans
 from elfslam.world.device import BMI160, BROWSER
 from elfslam.world.sensors import Sensor, parse_sensors
 from elfslam.world.simulate import simulate
@@ -59,6 +60,11 @@ def studio() -> World:
 
 
 @pytest.fixture(scope="module")
+def plain(studio: World) -> tuple[Recording, Truth]:
+    return simulate(studio, 3, rounds=1)
+
+
+@pytest.fixture(scope="module")
 def sensed(studio: World) -> Recording:
     return simulate(studio, 3, rounds=1, sound=False, sensors=list(Sensor))[0]
 
@@ -72,9 +78,9 @@ def bytes_of(value: object) -> bytes:
 # --- nothing else changes ---
 
 
-def test_a_walk_without_them_is_what_it_always_was(studio: World) -> None:
+def test_a_walk_without_them_is_what_it_always_was(plain: tuple[Recording, Truth]) -> None:
     """Readings of this walk before these sensors existed; any other draw would change them."""
-    recording, truth = simulate(studio, 3, rounds=1)
+    recording, truth = plain
     assert recording.audio is not None
     assert recording.imu is not None
     assert [getattr(recording, name) for name in SENSED] == [None] * 3
@@ -87,10 +93,8 @@ def test_a_walk_without_them_is_what_it_always_was(studio: World) -> None:
     assert recording.audio.samples.shape == (1, 910_003)
 
 
-def test_they_leave_sound_and_motion_alone(studio: World) -> None:
-    plain, full = (
-        simulate(studio, 3, rounds=1, sensors=sensors) for sensors in ((), tuple(Sensor))
-    )
+def test_they_leave_sound_and_motion_alone(studio: World, plain: tuple[Recording, Truth]) -> None:
+    full = simulate(studio, 3, rounds=1, sensors=tuple(Sensor))
     assert plain[0].audio is not None
     assert plain[0].imu is not None
     assert full[0].audio is not None
@@ -112,9 +116,9 @@ def test_each_reads_the_same_without_the_others(
     assert bytes_of(getattr(another_day, name)) != bytes_of(getattr(sensed, name))
 
 
-def test_without_sound_the_walk_is_the_same(studio: World) -> None:
+def test_without_sound_the_walk_is_the_same(studio: World, plain: tuple[Recording, Truth]) -> None:
     silent, truth = simulate(studio, 3, rounds=1, sound=False)
-    heard, other_truth = simulate(studio, 3, rounds=1)
+    heard, other_truth = plain
     assert silent.audio is None
     assert silent.imu is not None
     assert heard.imu is not None
@@ -140,7 +144,7 @@ def test_another_grade_and_another_way_to_scan(studio: World) -> None:
 
 @pytest.mark.parametrize("name", world_names())
 def test_built_in_worlds_have_something_for_every_sensor(name: str) -> None:
-    world = load_world(name)
+    world = loaded(name)
     recording = simulate(world, 0, rounds=1, sound=False, sensors=list(Sensor))[0]
     assert world.surroundings is not None
     assert recording.wifi is not None
@@ -190,27 +194,19 @@ def test_a_world_without_a_table_refuses_its_sensor(
     [
         ("[3.5, 2.5, 2.0]", "[3.5, 2.5]", r"access_point 'router': .*position_m: wanted shape"),
         ("channel = 6", "channel = 20", "access_point 'router': channel 20: wanted 1 to 14"),
-        ("channel = 6", 'channel = "six"', "access_point 'router': channel is 'six'"),
         ("power_dbm = 15.0", 'power_dbm = "loud"', "access_point 'router': power_dbm is 'loud'"),
-        ("power_dbm = 15.0", "watt = 15.0", "access_point 'router': knows no 'watt'"),
         ("position_m = [-4.0, 1.0, 2.0]", "", "access_point 'neighbour': .*position_m"),
         ('"neighbour"', '"router"', "access_point 'router': appears twice"),
-        ('bssid = "neighbour"', "bssid = 7", "access_point 7: bssid is 7, wanted a name"),
         ('bssid = "neighbour"', "", "access_point 2: .*bssid"),
         ("strength_ut = 48.0", "strength_ut = -1.0", "magnetic: strength_ut is -1.0"),
-        ("strength_ut = 48.0", "strength_t = 48.0", "magnetic: knows no 'strength_t'"),
-        ("north_deg = 30.0", 'north_deg = "up"', "magnetic: north_deg is 'up'"),
         ("to_m = [4.0, 0.0, 0.3]", "to_m = [0.0, 0.0, 0.3]", "power_line 'sockets': begins where"),
-        ("[1.0, 0.1, 0.4]", "[]", "power_line 'sockets': current_a has to be amplitudes"),
         ("[1.0, 0.1, 0.4]", "[1.0, -0.1]", "power_line 'sockets': current_a has to be amplitudes"),
         ("[1.0, 0.1, 0.4]", "[1.0, 1e7]", "power_line 'sockets': current_a is 10000000"),
         ("[1.0, 0.1, 0.4]", f"{[1.0] * 101}", "current_a has to be .* one to 100 of them"),
         ("to_m = [4.0, 0.0, 0.3]", "to_m = [1e14, 0.0, 0.3]", "power_line 'sockets': lies beyond"),
         ("position_m = [-4.0, 1.0, 2.0]", "position_m = [-4e9, 1.0, 2.0]", "lies beyond 500 m"),
         ("power_dbm = 15.0", "power_dbm = 1e308", "power_dbm is 1e.308, wanted a number from"),
-        ("strength_ut = 48.0", "strength_ut = 1e308", "magnetic: strength_ut is 1e.308"),
         ("strength_ut = 48.0", "dipoles_per_m2 = 10000.0", "dipoles behind the surfaces"),
-        ("[[power_line]]", "[power_line]", r"power_line: wanted \[\[power_line\]\] tables"),
         ("[magnetic]", "[[magnetic]]", "magnetic: wanted a .magnetic. table"),
     ],
 )

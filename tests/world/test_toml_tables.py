@@ -58,18 +58,6 @@ def test_tables_without_headers_get_the_line_of_their_key() -> None:
     assert line_of(toml_tables.table(top, "one"), "y") == 3
 
 
-def test_values_come_out(top: Table) -> None:
-    one = toml_tables.table(top, "one")
-    assert toml_tables.number(one, "value") == 7.0
-    assert toml_tables.whole(one, "quoted", low=0, high=9) == 2
-    assert toml_tables.number(one, "absent", 1.5) == 1.5
-    assert toml_tables.text(top, "name") == "x"
-    corners = toml_tables.points(top, "corners", top.values["corners"])
-    assert corners.tolist() == [[1, 2], [3, 4]]
-    assert toml_tables.table(top, "nothing").values == {}
-    assert toml_tables.tables(top, "nothing") == []
-
-
 @pytest.mark.parametrize("value", ["inf", "nan", "true", '"7"', "[7]", "-501", "501"])
 def test_what_is_no_number_of_metres_is_refused(value: str) -> None:
     with pytest.raises(InputError, match=r"^f line 2: x is .*, wanted a number from -500 to 500"):

@@ -62,19 +62,19 @@ def generic_encoders() -> Mapping[str, Encoder]:
     }
 
 
-def principal_encoder(echoes: F32, components: int = COMPONENTS) -> Encoder:
+def principal_encoder(echoes: F32) -> Encoder:
     """Spectrograms on the principal components of those of `echoes` (m, 2352), which are frozen.
 
     Raises InputError for fewer echoes than components.
     """
-    if len(echoes) <= components:
+    if len(echoes) <= COMPONENTS:
         raise InputError(
-            f"principal components: wanted more than {components} echoes to fit them, "
+            f"principal components: wanted more than {COMPONENTS} echoes to fit them, "
             f"got {len(echoes)}; pass more"
         )
     known = unit_rows(flat_spectrogram(echoes))
     mean = known.mean(axis=0)
-    axes = np.linalg.svd(known - mean, full_matrices=False)[2][:components].T
+    axes = np.linalg.svd(known - mean, full_matrices=False)[2][:COMPONENTS].T
     digest = hashlib.sha256(mean.tobytes() + axes.tobytes()).hexdigest()[:16]
     return GenericEncoder(
         f"principal-{digest}", lambda samples: (unit_rows(flat_spectrogram(samples)) - mean) @ axes

@@ -12,11 +12,12 @@ from elfslam.app.console import compilation_announced, progress_bar, say
 from elfslam.cli.options import Seed
 from elfslam.data.atomic_files import refuse_occupied
 from elfslam.data.recordings import write_recording
+from elfslam.stages.chirp import describe_chirp
 from elfslam.world.circumstances import ENGINES, SOUNDS, parse_sounds
 from elfslam.world.device import DEVICES, GRADES, built_in_grade
 from elfslam.world.kinds import KINDS, SURVEYOR, kind_named
 from elfslam.world.sensors import parse_sensors
-from elfslam.world.simulate import WALKERS, describe_chirp, simulate
+from elfslam.world.simulate import WALKERS, simulate
 from elfslam.world.world_file import load_world, world_names
 
 

@@ -126,11 +126,11 @@ def in_band(audio: Audio) -> Audio:
     return Audio(np.array(rows, dtype=np.float32), audio.rate_hz, audio.is_timed)
 
 
-def frame_starts_s(audio: Audio, chirp: Chirp, parameters: EchoParameters | None = None) -> F64:
+def frame_starts_s(audio: Audio, chirp: Chirp) -> F64:
     """Where a frame has to begin (f) for each direct arrival that is found. Raises InputError."""
     period = round(chirp.period_s * ECHO_RATE_HZ)
     envelope = matched_envelope(to_echo_rate(audio), chirp)
-    arrivals = find_arrivals(envelope, period, parameters or EchoParameters())
+    arrivals = find_arrivals(envelope, period, EchoParameters())
     return np.asarray(arrivals.samples / ECHO_RATE_HZ - BasebandFormat.lead_s)
 
 

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 import elfslam
 from elfslam.base.arrays import F64
@@ -150,7 +151,8 @@ def write_imdf(
         raise InputError("venue: lies across longitude 180, which IMDF has no rings for; move it")
     with zipfile.ZipFile(file, "w") as packed:
         for name, content in archive.items():
-            entry = zipfile.ZipInfo(_file_name(name), LONG_AGO)
+            ending = "json" if name == MANIFEST else "geojson"
+            entry = zipfile.ZipInfo(f"{name}.{ending}", LONG_AGO)
             entry.compress_type = zipfile.ZIP_DEFLATED
             packed.writestr(entry, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
 
@@ -182,20 +184,23 @@ def imdf_archive(
     """The manifest and a collection for each feature type; an amenity for each point."""
     units = outlines(walked_grid(lines_m, REACH_M, CELL_M))
     extent = (_hull(np.concatenate([unit[0] for unit in units]), MARGIN_M),)
-    middle = point_of(origin, extent[0].mean(axis=0))
+    around, middle = polygon_of(origin, extent), point_of(origin, extent[0].mean(axis=0))
+    building = {"category": "unspecified", "address_id": _id(place, "address")}
+    footprint = {"category": "ground", "building_ids": [_id(place, "building")]}
+    spots = [point_of(origin, np.array([each.x_m, each.y_m])) for each in points_of_interest]
     features = {
         "address": [_feature(place, "address", None, _address(place))],
-        "venue": [_feature(place, "venue", polygon_of(origin, extent), _venue(place, middle))],
-        "building": [_feature(place, "building", None, _building(place))],
-        "footprint": [_feature(place, "footprint", polygon_of(origin, extent), _footprint(place))],
-        "level": [_feature(place, "level", polygon_of(origin, extent), _level(place, middle))],
+        "venue": [_feature(place, "venue", around, _venue(place, middle))],
+        "building": [_feature(place, "building", None, building)],
+        "footprint": [_feature(place, "footprint", around, footprint)],
+        "level": [_feature(place, "level", around, _level(place, middle))],
         "unit": [
             _feature(place, "unit", polygon_of(origin, unit), _unit(place, origin, unit), k)
             for k, unit in enumerate(units)
         ],
         "amenity": [
-            _feature(place, "amenity", _spot(point, origin), _amenity(place, point, units), k)
-            for k, point in enumerate(points_of_interest)
+            _feature(place, "amenity", spot, _amenity(place, point, units), k)
+            for k, (point, spot) in enumerate(zip(points_of_interest, spots, strict=True))
         ],
     }
     manifest = {
@@ -212,10 +217,6 @@ def imdf_archive(
     return {MANIFEST: manifest, **collections}
 
 
-def _file_name(name: str) -> str:
-    return f"{name}.json" if name == MANIFEST else f"{name}.geojson"
-
-
 def _id(place: Venue, kind: str, count: int = 0) -> str:
     """The same for the same place, every time."""
     level = (place.level, str(place.ordinal)) if kind in OF_A_LEVEL else ()
@@ -224,11 +225,7 @@ def _id(place: Venue, kind: str, count: int = 0) -> str:
 
 def _feature(place: Venue, kind: str, geometry: Json | None, told: Json, count: int = 0) -> Json:
     identified = {"id": _id(place, kind, count), "feature_type": kind}
-    return {**identified, **feature(geometry, {**_nothing(kind), **told})}
-
-
-def _nothing(kind: str) -> Json:
-    return dict.fromkeys(PROPERTIES[kind])
+    return {**identified, **feature(geometry, {**dict.fromkeys(PROPERTIES[kind]), **told})}
 
 
 def _labels(place: Venue, text: str) -> Json:
@@ -249,14 +246,6 @@ def _venue(place: Venue, middle: Json) -> Json:
     }
 
 
-def _building(place: Venue) -> Json:
-    return {"category": "unspecified", "address_id": _id(place, "address")}
-
-
-def _footprint(place: Venue) -> Json:
-    return {"category": "ground", "building_ids": [_id(place, "building")]}
-
-
 def _level(place: Venue, middle: Json) -> Json:
     return {
         "category": "unspecified",
@@ -275,10 +264,6 @@ def _unit(place: Venue, origin: Origin, unit: Polygon) -> Json:
         "level_id": _id(place, "level"),
         "display_point": point_of(origin, _inner_point(unit)),
     }
-
-
-def _spot(point: PointOfInterest, origin: Origin) -> Json:
-    return point_of(origin, np.array([point.x_m, point.y_m]))
 
 
 def _amenity(place: Venue, point: PointOfInterest, units: Sequence[Polygon]) -> Json:
@@ -307,20 +292,8 @@ def _inner_point(polygon: Polygon) -> F64:
 
 
 def _hull(points: F64, margin_m: float) -> F64:
+    """The convex hull of points (n, 2) with a margin, counter-clockwise."""
     turns = np.arange(8) * np.pi / 4
     around = margin_m * np.column_stack([np.cos(turns), np.sin(turns)])
-    spread = np.unique((points[:, None, :] + around).reshape(-1, 2), axis=0)
-    return np.array([*_half_hull(spread), *_half_hull(spread[::-1])])
-
-
-def _half_hull(points: F64) -> list[F64]:
-    """The right-hand side of the hull of sorted points, without the last one (monotone chain)."""
-    chain: list[F64] = []
-    for point in points:
-        while len(chain) > 1:
-            along, to = chain[-1] - chain[-2], point - chain[-2]
-            if along[0] * to[1] - along[1] * to[0] > 1e-12:
-                break
-            chain.pop()
-        chain.append(point)
-    return chain[:-1]
+    spread = (points[:, None, :] + around).reshape(-1, 2)
+    return np.asarray(spread[ConvexHull(spread).vertices])

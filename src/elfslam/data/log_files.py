@@ -89,6 +89,7 @@ def _check_member(path: Path, member: tarfile.TarInfo, count: int, file_bytes: i
 
 ZIP_START, XZ_START = b"PK", b"\xfd7zXZ\x00"
 MACOSX = "__MACOSX"
+"""Where the Mac's zip program puts its own files."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,12 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from elfslam.base.arrays import F64
+from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.errors import InputError
 from elfslam.base.values import Fixes, FixStatus
 from elfslam.data.tables import check_size, check_times, parse_rows, read_lines, read_named_rows
-
-LARGEST_M = 1e8
-"""Beyond any place in metres; poses may lie in the frame of a country."""
 
 
 def write_tum(file: Path, t_s: F64, world_from_body: F64) -> None:
@@ -39,7 +37,7 @@ def read_tum(file: Path) -> tuple[F64, F64]:
     lines = read_lines(file)
     table = parse_rows(file, lines, range(8), first_row=1, comma=False)
     check_times(file, table[:, 0], first_row=1)
-    check_size(file, table[:, 1:], LARGEST_M, "m", first_row=1)
+    check_size(file, table[:, 1:], FARTHEST_M, "m", first_row=1)
     qx, qy, qz, qw = table[:, 4:].T
     heading = np.arctan2(2 * (qw * qz + qx * qy), qw**2 + qx**2 - qy**2 - qz**2)
     return table[:, 0], np.column_stack([table[:, 1:3], heading])
@@ -76,14 +74,10 @@ def read_fixes(file: Path) -> Fixes:
         t_s=numbers[:, 0],
         xy_m=numbers[:, 1:3],
         heading_rad=numbers[:, 3],
-        covariance_m2=_round_covariance(numbers[:, 4]),
+        covariance_m2=numbers[:, 4, None, None] ** 2 * np.eye(2),
         score=np.full(len(read), np.nan),
         status=np.array([row[1] for row in read], dtype=np.int64),
     )
-
-
-def _round_covariance(sigma_m: F64) -> F64:
-    return np.asarray(sigma_m[:, None, None] ** 2 * np.eye(2))
 
 
 def _read_row(file: Path, number: int, row: Mapping[str, str]) -> tuple[list[float], int]:

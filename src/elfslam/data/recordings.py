@@ -29,15 +29,14 @@ from elfslam.data import sensor_files
 from elfslam.data.atomic_files import new_folder
 from elfslam.data.audio_files import FLAC, at_accepted_rate, read_recorded_sound, write_audio
 from elfslam.data.baseband import Baseband, write_baseband
-from elfslam.data.log_files import name_of
-from elfslam.data.named_places import read_checkpoints, write_checkpoints
+from elfslam.data.log_files import MACOSX, name_of
+from elfslam.data.named_places import LONGEST_S, read_checkpoints, write_checkpoints
 from elfslam.data.tables import check_size, read_header, read_timed_table, write_timed_table
 from elfslam.data.truth_files import write_truth
-from elfslam.stages.chirp import ChirpParameters
+from elfslam.stages.chirp import ChirpParameters, describe_chirp
 
 CHIRPS = "chirps.csv"
 GAIN = "gain_db"
-LONGEST_S = 1e6
 MOST_DB = 100.0
 
 
@@ -64,8 +63,6 @@ def read_schedule(folder: Path) -> tuple[F64 | None, F64 | None]:
 
 
 FORMAT_VERSION = 1
-MACOSX = "__MACOSX"
-"""Where the Mac's zip program puts its own files."""
 POSE = ("x_m", "y_m", "heading_rad")
 MOST_LOST_SHARE = 0.1
 """A stream may lose some samples, which echo cutting recovers; more is a file that was cut off."""
@@ -79,7 +76,6 @@ def write_recording(
     *,
     chirp_description: Mapping[str, object] | None = None,
     truth: Truth | None = None,
-    start_utc: str | None = None,
     baseband: Baseband | None = None,
 ) -> None:
     """The recording as a new folder, its sound as `baseband` where that is given.
@@ -87,7 +83,7 @@ def write_recording(
     Raises StoreError where a folder with content is there.
     """
     with new_folder(folder) as partial:
-        manifest = _manifest(recording, chirp_description, start_utc)
+        manifest = _manifest(recording, chirp_description)
         if baseband is not None:
             manifest |= {"audio": None, "baseband": write_baseband(baseband, partial)}
         text = json.dumps(manifest, indent=2, ensure_ascii=False, allow_nan=False)
@@ -143,9 +139,7 @@ def _folder_within(unpacked: Path) -> Path:
     return next((file.parent for file in manifests if file.is_file()), unpacked)
 
 
-def _manifest(
-    recording: Recording, chirp: Mapping[str, object] | None, start_utc: str | None
-) -> dict[str, object]:
+def _manifest(recording: Recording, chirp: Mapping[str, object] | None) -> dict[str, object]:
     audio = recording.audio
     sound = None
     if audio is not None:
@@ -155,7 +149,7 @@ def _manifest(
         "format_version": FORMAT_VERSION,
         "name": recording.name,
         "device": recording.device,
-        "start_utc": start_utc,
+        "start_utc": None,
         "start_pose": _declared(recording.start_pose),
         "chirp": None if chirp is None else dict(chirp),
         "audio": sound,
@@ -286,7 +280,7 @@ def _check_chirp(file: Path, given: object, wanted: ChirpParameters) -> None:
         return
     if not isinstance(given, dict):
         raise InputError(f"{file}: chirp is {given!r:.60}, wanted an object; repair it")
-    for name, value in _described(wanted).items():
+    for name, value in describe_chirp(wanted).items():
         if name in given and not _same(given[name], value):
             raise InputError(
                 f"{file}: chirp.{name} is {given[name]!r:.60}, the pipeline listens for {value!r}; "
@@ -302,12 +296,3 @@ def _same(given: object, wanted: object) -> bool:
     if isinstance(wanted, float):
         return isinstance(given, int | float) and math.isclose(given, wanted)
     return given == wanted
-
-
-def _described(played: ChirpParameters) -> dict[str, object]:
-    return {
-        "kind": played.kind,
-        "band_hz": [played.band_low_hz, played.band_high_hz],
-        "duration_s": played.duration_s,
-        "period_s": played.period_s,
-    }

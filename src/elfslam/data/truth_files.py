@@ -56,7 +56,7 @@ def read_marks(file: Path) -> dict[str, tuple[float, float]]:
     return {name: (float(x), float(y)) for name, (x, y) in zip(names, xy_m, strict=True)}
 
 
-def pauses_s(imu: Imu, shortest_s: float = SHORTEST_PAUSE_S) -> F64:
+def pauses_s(imu: Imu) -> F64:
     """When the walker stood still, (k, 2): from one footstep to the next that is late.
 
     The time before the first footstep and after the last counts too. Raises InputError for
@@ -65,7 +65,7 @@ def pauses_s(imu: Imu, shortest_s: float = SHORTEST_PAUSE_S) -> F64:
     steps = find_footsteps(imu, MotionParameters())
     edges = np.concatenate([imu.t_s[:1], steps, imu.t_s[-1:]])
     spans = np.column_stack([edges[:-1], edges[1:]])
-    return np.asarray(spans[spans[:, 1] - spans[:, 0] >= shortest_s])
+    return np.asarray(spans[spans[:, 1] - spans[:, 0] >= SHORTEST_PAUSE_S])
 
 
 def stood_on(imu: Imu, marks: Mapping[str, tuple[float, float]], visited: Sequence[str]) -> Truth:

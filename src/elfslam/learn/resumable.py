@@ -16,6 +16,8 @@ from torch import nn
 from elfslam.base.errors import StoreError
 
 Batch = TypeVar("Batch")
+AHEAD = 3
+"""Batches that wait for the network."""
 
 
 @dataclass(frozen=True)
@@ -42,14 +44,14 @@ def warm_cosine(step: int, warmup_steps: int, steps: int) -> float:
 
 
 def prefetched(
-    batch_of: Callable[[int], Batch], first: int, last: int, ahead: int = 3
+    batch_of: Callable[[int], Batch], first: int, last: int
 ) -> Generator[tuple[int, Batch]]:
     """Steps and their batches in order, made on another core while the network learns."""
     with ThreadPoolExecutor(1) as pool:
         waiting: list[tuple[int, Future[Batch]]] = []
         for step in range(first, last):
             waiting.append((step, pool.submit(batch_of, step)))
-            if len(waiting) > ahead:
+            if len(waiting) > AHEAD:
                 ready, future = waiting.pop(0)
                 yield ready, future.result()
         for ready, future in waiting:

@@ -250,6 +250,10 @@ def fix_distances(fixes: Fixes, truth: Truth, world_from_map: F64) -> tuple[I64,
     return worse[near], np.linalg.norm(between - truth.world_from_body[:, :2], axis=1)[near]
 
 
+RADIUS_M = 1.0
+"""The ends of a right closure lie this near each other."""
+
+
 @dataclass(frozen=True, eq=False)
 class ClosureScore:
     """Closures against the truth.
@@ -271,7 +275,7 @@ def score_closures(
     node_t_s: F64,
     truth: Truth,
     *,
-    radius_m: float = 1.0,
+    radius_m: float = RADIUS_M,
     revisit_s: float = 10.0,
 ) -> ClosureScore:
     """Precision and recall; a closure is right when its two ends truly lie within `radius_m`.
@@ -372,24 +376,22 @@ def run_scores(run: Run, truth: Truth) -> list[ScoreRow]:
     return rows
 
 
-def closure_scores(run: Run, truth: Truth, *, radius_m: float = 1.0) -> list[ScoreRow]:
+def closure_scores(run: Run, truth: Truth) -> list[ScoreRow]:
     """Precision, recall, count and median true distance of the closures, found and kept."""
     kept = run.trajectory.closure_weights > 0.5
     stages = {"found": np.ones_like(kept), "kept": kept}
-    return [
-        _closure_row(name, run.closures.chosen(rows), run, truth, radius_m)
+    scores = {
+        name: score_closures(run.closures.chosen(rows), run.trajectory.t_s, truth)
         for name, rows in stages.items()
-    ]
+    }
+    return [_closure_row(name, score) for name, score in scores.items()]
 
 
-def _closure_row(
-    name: str, closures: Closures, run: Run, truth: Truth, radius_m: float
-) -> ScoreRow:
-    score = score_closures(closures, run.trajectory.t_s, truth, radius_m=radius_m)
+def _closure_row(name: str, score: ClosureScore) -> ScoreRow:
     return _plain(
         {
             "closures": name,
-            "radius_m": radius_m,
+            "radius_m": RADIUS_M,
             "precision": score.precision,
             "recall": score.recall,
             "count": score.count,

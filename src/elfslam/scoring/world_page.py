@@ -11,6 +11,7 @@ import plotly.graph_objects as go
 
 from elfslam.base.arrays import F64, Value, array
 from elfslam.base.geometry import path_length_m
+from elfslam.base.grid import signed_area
 from elfslam.scoring.figures import CLOSURE, DEAD_RECKONING, RIGHT, SLAM, TRUTH, WRONG, plan, styled
 from elfslam.scoring.page import Page, Panel, rows_table, save_page
 
@@ -305,13 +306,8 @@ SPACE_NOTE = "Colours as above; drag to turn, scroll to come nearer. The ceiling
 
 
 def _tiles(world: WorldPlan) -> dict[str, str]:
-    outline = world.outline_m
-    following = np.roll(outline, -1, axis=0)
-    area_m2 = 0.5 * float(
-        np.abs((outline[:, 0] * following[:, 1] - outline[:, 1] * following[:, 0]).sum())
-    )
     tiles = {
-        "floor": f"{area_m2:.0f} m²",
+        "floor": f"{abs(signed_area(world.outline_m)):.0f} m²",
         "to the ceiling": f"{world.height_m:g} m",
         "pieces": str(len(world.blocks)),
     }

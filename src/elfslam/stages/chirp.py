@@ -53,6 +53,17 @@ def make_chirp(parameters: ChirpParameters, rate_hz: int) -> Chirp:
     return Chirp(samples, rate_hz, parameters.period_s, band_hz)
 
 
+def describe_chirp(played: ChirpParameters | None = None) -> dict[str, object]:
+    """What was played, by default the pipeline's own excitation, as recording.json says it."""
+    played = played or ChirpParameters()
+    return {
+        "kind": played.kind,
+        "band_hz": [played.band_low_hz, played.band_high_hz],
+        "duration_s": played.duration_s,
+        "period_s": played.period_s,
+    }
+
+
 def check_rate(rate_hz: int) -> None:
     """Refuse a sampling rate at which the band or the period does not fit."""
     if rate_hz not in ACCEPTED_RATES_HZ:

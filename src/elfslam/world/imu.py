@@ -26,13 +26,8 @@ def attitude(motion: Motion) -> Rotation:
     return Rotation.from_euler("ZXY", angles)
 
 
-def read_imu(
-    motion: Motion, grade: ImuGrade, generator: np.random.Generator, decimals: int | None = None
-) -> Imu:
-    """Samples with constant biases, white noise, a gyroscope scale error and a wandering bias.
-
-    `decimals` rounds both to so many places, instead of what the grade says.
-    """
+def read_imu(motion: Motion, grade: ImuGrade, generator: np.random.Generator) -> Imu:
+    """Samples with constant biases, white noise, a gyroscope scale error and a wandering bias."""
     dt_s = 1 / KINEMATICS_RATE_HZ
     turn = attitude(motion)
     acceleration = np.gradient(np.gradient(motion.position_m, dt_s, axis=0), dt_s, axis=0)
@@ -50,9 +45,8 @@ def read_imu(
     if grade.gyro_bias_instability_radps > 0:
         sigma = grade.gyro_bias_instability_radps / ALLAN_PEAK
         gyro = gyro + sigma * gauss_markov(generator, gyro.shape, BIAS_CORRELATION_S, grade.rate_hz)
-    decimals = grade.decimals if decimals is None else decimals
-    if decimals is not None:
-        accel, gyro = np.round(accel, decimals), np.deg2rad(np.round(np.rad2deg(gyro), decimals))
+    if (places := grade.decimals) is not None:
+        accel, gyro = np.round(accel, places), np.deg2rad(np.round(np.rad2deg(gyro), places))
     return Imu(t_s, accel, gyro)
 
 

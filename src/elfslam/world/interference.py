@@ -82,12 +82,10 @@ def clicks(
     return out.astype(np.float32)
 
 
-def rumble(
-    count: int, rate_hz: int, generator: np.random.Generator, level: float = RUMBLE_LEVEL
-) -> F32:
-    """Noise of the room (count): white noise of rms `level` after a low-pass at 4 kHz."""
+def rumble(count: int, rate_hz: int, generator: np.random.Generator) -> F32:
+    """Noise of the room (count): white noise after a low-pass at 4 kHz."""
     low_pass = signal.butter(2, 4_000, fs=rate_hz, output="sos")
-    noise = level * signal.sosfilt(low_pass, generator.standard_normal(count))
+    noise = RUMBLE_LEVEL * signal.sosfilt(low_pass, generator.standard_normal(count))
     return np.asarray(noise, dtype=np.float32)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -216,10 +217,23 @@ def in_the_way(room: Room, a: F64, b: F64) -> str | None:
     for k, (c, d) in enumerate(zip(room.outline_m, ends, strict=True), 1):
         if segment_gap_m(a, b, c, d) < HALF_WIDTH_M - TOUCH_M:
             return f"the wall from {c.tolist()} to {d.tolist()} (side {k})"
-    for block in _low_blocks(room):
+    for block in _near_blocks(room, a, b):
         if meets_block(block, a[None, :], b[None, :])[0]:
             return f'"{block.name}"'
     return None
+
+
+def _near_blocks(room: Room, a: F64, b: F64) -> list[Block]:
+    """The low blocks whose corners are far enough out to be met on the way from a to b (2)."""
+    low = _low_blocks(room)
+    if not low:
+        return []
+    gaps_m = point_gap_m(np.array([block.centre_m for block in low]), a, b).tolist()
+    return [
+        block
+        for block, gap_m in zip(low, gaps_m, strict=True)
+        if gap_m < math.hypot(*_half_m(block)) + TOUCH_M
+    ]
 
 
 def fault_of_route(room: Room, route_m: F64, *, closed: bool) -> str | None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
-from elfslam.base.grid import in_ring
+from elfslam.base.grid import in_ring, signed_area
 from elfslam.world.doors import HingedDoor, in_outer_wall, leaf_ends
 from elfslam.world.materials import Material, material
 from elfslam.world.room import (
@@ -114,8 +114,7 @@ def _polygon(top: Table, seed: int) -> Room:
 
 
 def _check_area(top: Table, outline_m: F64) -> None:
-    x, y = outline_m.T
-    area_m2 = float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+    area_m2 = signed_area(outline_m)
     if area_m2 < SMALLEST_M2:
         raise top.refusal(
             f"outline_m: encloses {area_m2:g} m2, wanted {SMALLEST_M2:g} or more; move corners",

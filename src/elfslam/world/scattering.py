@@ -15,7 +15,6 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from elfslam.base.arrays import F64, I64
 from elfslam.world.kernels import kernel
@@ -29,6 +28,7 @@ from elfslam.world.patches import (
     first_face,
     patch_at,
 )
+from elfslam.world.pulses import I32
 from elfslam.world.room import Room
 
 FITTINGS: Mapping[str, float] = MappingProxyType(
@@ -53,8 +53,6 @@ MOST_REFLECTIONS = 20
 LEAST_SCATTERED = 0.05
 DRAWS = 4
 """For each reflection: two for the direction, one for its fate and one for the chain's sign."""
-
-I32 = npt.NDArray[np.int32]
 
 
 class Chains(NamedTuple):

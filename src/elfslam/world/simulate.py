@@ -11,7 +11,7 @@ from elfslam.base.arguments import Seed, Such, checked
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.values import Recording, Truth
-from elfslam.stages.chirp import ChirpParameters
+from elfslam.stages.chirp import describe_chirp
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.device import BMI160, ImuGrade
 from elfslam.world.imu import read_imu
@@ -104,18 +104,6 @@ def _check_duration(world: World, rounds: int, walker: Walker) -> None:
             f"world {world.name!r:.60}: rounds of {lap_m:.0f} m, wanted {most:.0f} at most, which "
             f"take {LONGEST_S / 3600:g} hours; walk fewer"
         )
-
-
-def describe_chirp() -> dict[str, object]:
-    """What the simulated phone played, as recording.json says it."""
-    played = ChirpParameters()
-    band_hz = [played.band_low_hz, played.band_high_hz]
-    return {
-        "kind": played.kind,
-        "band_hz": band_hz,
-        "duration_s": played.duration_s,
-        "period_s": played.period_s,
-    }
 
 
 def truth_of(motion: Motion) -> Truth:

@@ -52,8 +52,6 @@ WAY_BACK_M = (2.0, 6.0)
 GRIP_S = 0.8
 COVER_SHARE = 0.25
 """Of the ways in which people take up a phone: a hand lies on one of its ports."""
-
-
 UNREST_RADPS = (0.07, 0.17)
 """Of people's hands, walking or standing: the quietest second of a walk then scatters by what it
 does in the median of real walks, of which two in three have nobody stand still in them."""
@@ -71,13 +69,8 @@ class Way(NamedTuple):
     free_m: F64
 
 
-def random_person(
-    generator: np.random.Generator, lane_m: float, *, cover_share: float = COVER_SHARE
-) -> Walker:
-    """Someone who is no surveyor, and strays by `lane_m` (standard deviation).
-
-    `cover_share` of the ways in which they take up the phone cover a port of it.
-    """
+def random_person(generator: np.random.Generator, lane_m: float) -> Walker:
+    """Someone who is no surveyor, and strays by `lane_m` (standard deviation)."""
     someone = random_walker(generator)
     return Walker(
         speed_mps=someone.speed_mps * generator.uniform(0.9, 1.1),
@@ -99,7 +92,7 @@ def random_person(
         stops_per_min=generator.uniform(0.0, 0.6),
         ways_back_per_min=generator.uniform(0.0, 0.25),
         grips_per_min=generator.uniform(0.0, 1.0),
-        cover_share=cover_share,
+        cover_share=COVER_SHARE,
     )
 
 

@@ -14,9 +14,8 @@ from typing import Any
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-from elfslam.base.arrays import F32, F64, Value, array
+from elfslam.base.arrays import C128, F32, F64, Value, array
 from elfslam.base.errors import InputError
 
 LEVEL_S = 0.002
@@ -104,7 +103,6 @@ class Lobes(Value):
             )
 
 
-C128 = npt.NDArray[np.complex128]
 LEAST_Q = 0.5
 """From here on a pair of poles rings."""
 
