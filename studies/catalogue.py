@@ -37,7 +37,7 @@ STUDIES = (
     "localization-cost", "magnetic-left-out", "magnetic-walks", "mall-fifths", "mall-floor",
     "many-mappers", "mapping", "merging", "paper", "paper-figures", "paper-summary", "passages",
     "physics", "pose-graphs", "real-rooms", "realism", "sensitivity", "sensors", "speech",
-    "speed", "spots", "stability", "superimposition", "taps", "thresholds", "trace",
+    "spots", "stability", "superimposition", "taps", "thresholds", "trace",
     "unknown-phone",
 )  # fmt: skip
 """Each stands in the module of its name, as `STUDY`."""

@@ -2,7 +2,7 @@
 
     python -m tests.hostile.promises [NUMBER ...]
 
-prints a table (case, wanted, got). `studies.benchmarks.wrong_starts` attacks starts of servers.
+prints a table (case, wanted, got).
 """
 
 from __future__ import annotations
