@@ -30,9 +30,8 @@ from studies.cached import (
     simulated,
 )
 from studies.curation import CurationParameters, curated_closures, pairs_on_lines
-from studies.mapping import MEDIAN_ALIGNED
 from studies.results import Record
-from studies.study import Study, StudyContext, per_walk
+from studies.study import MEDIAN_ALIGNED, Study, StudyContext, per_walk
 
 WORLDS = ("living_room", "office", "mall")
 SEEDS = tuple(range(5))

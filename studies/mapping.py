@@ -58,7 +58,7 @@ from studies.cached import (
 from studies.curation import CurationParameters, curated_closures
 from studies.plain_features import CLOSURE_THRESHOLDS, ELF, closing_by, compared_encoders
 from studies.results import Record, seeds_text
-from studies.study import Study, StudyContext, per_walk
+from studies.study import MEDIAN_ALIGNED, Study, StudyContext, per_walk
 
 WORLDS = ("living_room", "office", "mall")
 SEEDS = tuple(range(10))
@@ -78,7 +78,6 @@ ALONE_THRESHOLD = 0.15
 """An encoder trained on one walk alone scores nothing as high as the shipped one does."""
 OTHERS = (Modality.MAGNETIC, Modality.EMR, Modality.WIFI)
 SENSORS = (Sensor.WIFI, Sensor.MAGNETIC, Sensor.EMR)
-MEDIAN_ALIGNED = "median error, aligned (m)"
 ALIGNED = (MEDIAN_ALIGNED, "mean error, aligned (m)", "third quartile, aligned (m)")
 PAPER_M: Mapping[str, Mapping[str, tuple[float, float, float]]] = {
     "ELF": {

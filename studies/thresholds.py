@@ -28,10 +28,10 @@ from studies.cached import (
     extract_features,
     simulated,
 )
-from studies.mapping import CALIBRATED, MEDIAN_ALIGNED, trajectory_errors, walkers
+from studies.mapping import CALIBRATED, trajectory_errors, walkers
 from studies.plain_features import compared_encoders
 from studies.results import Record, averaged, seeds_text
-from studies.study import Study, StudyContext, finished
+from studies.study import MEDIAN_ALIGNED, Study, StudyContext, finished
 
 WORLDS = ("studio", "lounge", "concourse")
 """For development; nothing is reported in them."""

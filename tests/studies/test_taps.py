@@ -7,8 +7,7 @@ import pytest
 
 from elfslam.base.values import Truth
 from elfslam.world.kinds import QUIET
-from studies.mapping import MEDIAN_ALIGNED
-from studies.study import StudyContext
+from studies.study import MEDIAN_ALIGNED, StudyContext
 from studies.taps import IN_FRAME, ON_PLAN, STUDY, TAP_SIGMA_M, TAPS, measure_taps, tapped
 
 
