@@ -50,7 +50,7 @@ def measure_closures(
     rounds: int = ROUNDS,
     kind: Kind = PEOPLE,
 ) -> list[Record]:
-    """Pairs, precision and recall after each step (the condition) of three strategies.
+    """Precision and recall after each step (the condition) of three strategies.
 
     Maps are made of what a strategy ends with: by the graph that may reject closures, and by plain
     least squares, which accepts all.
@@ -94,8 +94,7 @@ def _steps(
 
 def _scored(of: Record, closures: Closures, nodes: Odometry, truth: Truth) -> list[Record]:
     score = score_closures(closures, nodes.t_s, truth)
-    numbers = {"pairs": score.count, "precision": score.precision, "recall": score.recall}
-    return of.each(numbers)
+    return of.each({"precision": score.precision, "recall": score.recall})
 
 
 def _mapped(

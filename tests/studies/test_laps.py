@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter1d
 
 from elfslam.base.arrays import F32, F64
-from elfslam.baselines.generic import generic_encoders, unit_rows
+from elfslam.baselines.generic import generic_encoders
 from elfslam.world.kinds import PEOPLE, QUIET
 from elfslam.world.world_file import load_world
 from studies.lap_echoes import (
@@ -39,7 +38,6 @@ from studies.laps import (
     measure_laps,
     numbers_of,
     recalls,
-    walks_beside,
 )
 from studies.located import MEDIAN_M, OVER_1_M
 from studies.plain_features import ChanceEncoder
@@ -153,24 +151,6 @@ def test_what_is_found_beside_a_lane_is_counted_by_its_offset() -> None:
         "near 0.15": 0, "found 0.15": 0, "near 0.4": 50, "found 0.4": 0, "near 0.8": 0,
         "found 0.8": 0,
     }  # fmt: skip
-
-
-def test_footsteps_together_are_found_where_one_alone_is_lost() -> None:
-    generator = np.random.default_rng(3)
-    angles = evenly(1200)
-    lap, near = ring(angles), ring(angles[::6], 5.1)
-    field = 6 * gaussian_filter1d(generator.standard_normal((1200, 32)), 12, axis=0, mode="wrap")
-    blur = generator.standard_normal((200, 32))
-    lap = replace(lap, vectors=unit_rows(field.astype(np.float32)))
-    near = replace(near, vectors=unit_rows((field[::6] + 3 * blur).astype(np.float32)))
-    halves = (slice(100), slice(100, 200))
-    walks = [Places(near.vectors[k], near.xy_m[k], near.heading_rad[k]) for k in halves]
-    together = walks_beside(walks, lap)
-    assert together.offset_m == pytest.approx(np.full(2 * 93, 0.1), abs=0.02)
-    assert together.elsewhere[0] == 0, "a stretch that does not fit on the lap is nowhere"
-    alone, eight = recalls([beside(near, lap)], 0.001), recalls([together], 0.001)
-    assert eight["near 0.15"] == 2 * 93
-    assert eight["found 0.15"] / (2 * 93) > 0.8 > 2 * alone["found 0.15"] / 200
 
 
 def test_a_spot_passed_the_other_way_is_not_beside() -> None:
