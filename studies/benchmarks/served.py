@@ -8,7 +8,6 @@ import socket
 import ssl
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -100,17 +99,6 @@ def start(data: Path, **how: Any) -> Served:
         time.sleep(0.01)
     token = (data / "authority" / "owner.token").read_text().strip()
     return Served(process, told.read_text().strip(), token, data)
-
-
-@contextmanager
-def started(**how: Any) -> Iterator[Served]:
-    """A server of a new data folder, as long as the block lasts."""
-    with tempfile.TemporaryDirectory() as folder:
-        served = start(Path(folder) / "data", **how)
-        try:
-            yield served
-        finally:
-            served.kill()
 
 
 @contextmanager

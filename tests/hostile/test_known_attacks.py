@@ -223,7 +223,7 @@ def _told_of(
     """Run it, count it, and assert that it is refused."""
     ended, faults = run(commands, target, copy, base, folder)
     tally = Tally()
-    tally.extract_echoes(str(target), ended, faults)
+    tally.count(str(target), ended, faults)
     record_property(PROPERTY, vars(tally))
     assert not faults, ended.errors
     assert ended.code == 2, ended

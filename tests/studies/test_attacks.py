@@ -113,9 +113,9 @@ def test_echoes_of_elsewhere_are_told_by_their_loudness(
 
 def test_the_own_chirp_is_muffled_from_the_onset_on(victim: Victim) -> None:
     plain = recorded(victim.walked).samples[0]
-    port_occlusion = recorded(victim.walked, own_gain=0.01, since=victim.onset).samples[0]
-    npt.assert_allclose(port_occlusion[: victim.onset], plain[: victim.onset], atol=1e-6)
-    assert np.abs(port_occlusion[victim.onset :]).max() < 0.05 * np.abs(plain).max()
+    muffled = recorded(victim.walked, own_gain=0.01, since=victim.onset).samples[0]
+    npt.assert_allclose(muffled[: victim.onset], plain[: victim.onset], atol=1e-6)
+    assert np.abs(muffled[victim.onset :]).max() < 0.05 * np.abs(plain).max()
 
 
 def test_the_interval_of_a_count_is_garwoods() -> None:
