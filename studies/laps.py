@@ -3,9 +3,7 @@
 Each lap of the map is another person's, every other one the opposite way round; somebody else asks
 from 0.6 s of sound for the most similar spot. Spots lie where they truly are, so that an error is
 the feature's own. What another phone alone changes, and another day alone, is asked at ten laps.
-A feature's threshold is the least similarity at which at most one kept answer in twenty is over a
-metre off, at ten laps in the development worlds, which count alike. A map of several laps is
-answered by the best of their answers.
+A map of several laps is answered by the best of their answers.
 """
 
 from __future__ import annotations
@@ -18,7 +16,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from elfslam.app.workers import SerialWorkers
 from elfslam.base.arrays import F32, F64
 from elfslam.base.geometry import wrap_angle
 from elfslam.base.values import Payload
@@ -48,8 +45,6 @@ from studies.study import Study, StudyContext, finished
 WORLDS = ("living_room", "office", "mall")
 MIRRORED = ("living_room",)
 """Simulated by mirror images, too, beside the mapped lane."""
-DEVELOPMENT = ("studio", "lounge", "concourse")
-"""Where thresholds are chosen, seeds from 100 on."""
 LANES_M = (0.1, 0.2, 0.3, 0.5)
 """And the world's own."""
 FEW = 4
@@ -60,19 +55,12 @@ LAPS = (2, 5, 10, 20, 40)
 LANE_SEEDS, LAP_SEEDS = tuple(range(5)), tuple(range(10))
 FEWER: Mapping[str, int] = {"mall": 3}
 """Where a lap takes ten times as long, so many of the seeds by laps."""
-THRESHOLD_LAPS = 10
-THRESHOLD_SEEDS = (100, 101, 102)
-MOST_WRONG = 0.05
-SIMILARITIES = np.round(np.arange(-1.0, 1.0015, 0.001), 3)
-"""Thresholds that are tried; at the last one nothing is answered."""
 OFFSETS_M = (0.0, 0.15, 0.4, 0.8)
 FALSE_POSITIVES = 0.01
 EVERY = 8
 """Of so many spots one is compared with places elsewhere: neighbours hold the same echoes."""
 CELLS = np.round(np.linspace(-1.0, 1.0, 4001), 6)
 """Edges of the cells in which similarities are counted."""
-KEPT_MEDIAN_M, KEPT_OVER_1_M = "median error, kept (m)", "over 1 m, kept"
-"""Of the answers that are above the feature's threshold."""
 NEAR, FOUND = "near", "found"
 RECALL = "recall at 1 %"
 Numbers = dict[str, float]
@@ -112,10 +100,6 @@ class Found(NamedTuple):
     beside: list[Beside]
 
 
-Thresholds = Mapping[str, Mapping[str, float]]
-"""By kind and name of the feature."""
-
-
 def measure_laps(
     context: StudyContext,
     *,
@@ -123,13 +107,10 @@ def measure_laps(
     kind: Kind = PEOPLE,
     worlds: Sequence[str] = WORLDS,
     mirrored: Sequence[str] = MIRRORED,
-    development: Sequence[str] = DEVELOPMENT,
     lanes_m: Sequence[float] = LANES_M,
     laps: Sequence[int] = LAPS,
     lane_seeds: Sequence[int] = LANE_SEEDS,
     lap_seeds: Sequence[int] = LAP_SEEDS,
-    threshold_seeds: Sequence[int] = THRESHOLD_SEEDS,
-    threshold_laps: int = THRESHOLD_LAPS,
     asked_laps: int = ASKED_LAPS,
 ) -> list[Record]:
     """Errors by feature; the condition is how many laps, how wide the lanes, or who asks.
@@ -140,15 +121,7 @@ def measure_laps(
     tasks = crowds(worlds, kind.name, lanes_m, lane_seeds, laps, lap_seeds)
     tasks += one_change(worlds, kind.name, lap_seeds, asked_laps)
     tasks += crowds(mirrored, QUIET.name, lanes_m, lane_seeds, (), ()) if kind is not QUIET else []
-    features = features_of(encoders or {})
-    planned = [
-        Crowd(world, each, own_lane_m(world), seed, (threshold_laps,))
-        for each in dict.fromkeys(task.kind for task in tasks)
-        for world in development
-        for seed in threshold_seeds
-    ]
-    thresholds = _thresholds(planned, features, context)
-    measure = partial(measure_crowd, features=features, thresholds=thresholds)
+    measure = partial(measure_crowd, features=features_of(encoders or {}))
     return _means(tasks, finished(measure, tasks, context))
 
 
@@ -197,15 +170,12 @@ def _seeds_in(world: str, seeds: Sequence[int]) -> Sequence[int]:
     return seeds[: FEWER.get(world, len(seeds))]
 
 
-def measure_crowd(
-    crowd: Crowd, *, features: Sequence[Feature], thresholds: Thresholds
-) -> list[Record]:
+def measure_crowd(crowd: Crowd, *, features: Sequence[Feature]) -> list[Record]:
     """Errors in the maps of the first so many laps, by feature, and recall beside a few of them."""
     records: list[Record] = []
     for name, found in hear_crowd(crowd, features=features).items():
         for count in crowd.laps:
-            best = best_answers(found.answers[:count])
-            numbers = numbers_of(best, thresholds[crowd.kind][name])
+            numbers = numbers_of(best_answers(found.answers[:count]))
             numbers |= recalls(found.beside) if count == FEW else {}
             records += record_of(crowd, name, condition_of(crowd, count)).each(numbers)
     return records
@@ -256,31 +226,6 @@ def hear_crowd(crowd: Crowd, *, features: Sequence[Feature]) -> dict[str, Found]
     return found
 
 
-def answered_by(crowd: Crowd, *, features: Sequence[Feature]) -> dict[str, Answers]:
-    """What every feature answers in the map of all laps."""
-    heard = hear_crowd(crowd, features=features)
-    return {name: best_answers(found.answers) for name, found in heard.items()}
-
-
-def _thresholds(
-    tasks: Sequence[Crowd], features: Sequence[Feature], context: StudyContext
-) -> Thresholds:
-    """Each feature's threshold for each kind, by what the tasks answer at their most laps."""
-    found: dict[int, dict[str, Answers]] = {}
-    workers = context.workers or SerialWorkers()
-    for index, each in workers.each(partial(answered_by, features=features), tasks):
-        found[index] = each
-        context.announce(f"{len(found)} of {len(tasks)} crowds for thresholds", None)
-    answers: dict[str, dict[str, list[Answers]]] = {}
-    for index, task in enumerate(tasks):
-        for name, best in found[index].items():
-            answers.setdefault(task.kind, {}).setdefault(name, []).append(best)
-    return {
-        kind: {name: least_likeness(each) for name, each in by_name.items()}
-        for kind, by_name in answers.items()
-    }
-
-
 def answers_by(asked: Places, spots: Places) -> Answers:
     """The most similar spots; the first of equals."""
     scores = _alike(asked, spots)
@@ -296,43 +241,10 @@ def best_answers(laps: Sequence[Answers]) -> Answers:
     return Answers(*(np.take_along_axis(each, best, axis=0)[0] for each in (likeness, error_m)))
 
 
-def least_likeness(worlds: Sequence[Answers]) -> float:
-    """The least similarity at which at most one kept answer in twenty is more than a metre off.
-
-    Worlds count alike, however many answers there are in each.
-    """
-    wrong, kept = np.zeros(len(SIMILARITIES)), np.zeros(len(SIMILARITIES))
-    for answers in worlds:
-        far = answers.error_m > GROSS_M
-        kept += _share_from(answers.likeness, len(far))
-        wrong += _share_from(answers.likeness[far], len(far))
-    return float(SIMILARITIES[np.argmax(wrong <= MOST_WRONG * kept)])
-
-
-def _share_from(likeness: F32, of: int) -> F64:
-    """How many of so many are at least as similar as each threshold."""
-    below = np.searchsorted(np.sort(likeness.astype(np.float64)), SIMILARITIES)
-    return np.asarray((len(likeness) - below) / of)
-
-
-def numbers_of(answers: Answers, threshold: float) -> Numbers:
-    """Median error and the share over a metre off, of all answers and of those kept.
-
-    NaN where none is kept.
-    """
-    kept = answers.likeness.astype(np.float64) >= threshold
-    median_m, over = _errors(answers.error_m)
-    kept_median_m, kept_over = _errors(answers.error_m[kept])
-    return {
-        "answered": float(kept.mean()), MEDIAN_M: median_m, OVER_1_M: over,
-        KEPT_MEDIAN_M: kept_median_m, KEPT_OVER_1_M: kept_over,
-    }  # fmt: skip
-
-
-def _errors(error_m: F64) -> tuple[float, float]:
-    if not len(error_m):
-        return np.nan, np.nan
-    return float(np.median(error_m)), float(np.mean(error_m > GROSS_M))
+def numbers_of(answers: Answers) -> Numbers:
+    """Median error and the share over a metre off."""
+    error_m = answers.error_m
+    return {MEDIAN_M: float(np.median(error_m)), OVER_1_M: float(np.mean(error_m > GROSS_M))}
 
 
 def beside(asked: Places, spots: Places) -> Beside:
@@ -389,7 +301,6 @@ def _alike(asked: Places, spots: Places) -> F32:
 STUDY = Study(
     "How far off are fixes beside the mapped lane, by lanes, laps mapped and who asks?",
     measure_laps, minutes=600, long=True, encoders=True,
-    fast={"worlds": ("lounge",), "mirrored": (), "development": ("studio",), "lanes_m": (0.1,),
-          "laps": (1, 2), "lane_seeds": (0,), "lap_seeds": (0,), "threshold_seeds": (100,),
-          "threshold_laps": 2, "asked_laps": 2},
+    fast={"worlds": ("lounge",), "mirrored": (), "lanes_m": (0.1,),
+          "laps": (1, 2), "lane_seeds": (0,), "lap_seeds": (0,), "asked_laps": 2},
 )  # fmt: skip

@@ -166,7 +166,6 @@ def _growth(growth: Growth) -> Iterator[Record]:
             (MAP, WALKS): float(len(trajectories)),
             (MAP, MEDIAN_ALIGNED): median_aligned_m(walked, true),
             (query, MEDIAN_M): found.ok.median_m,
-            (query, "third quartile (m)"): found.ok.q3_m,
             (query, "answered"): found.coverage,
         }
     for (method, metric), value in numbers.items():

@@ -25,7 +25,7 @@ TAPS = (0, 2, 4, 8)
 GOLDEN = 0.5 * (5**0.5 - 1)
 """Times at multiples of this share of a walk are at different places of its rounds."""
 TAP_SIGMA_M = 0.3
-IN_FRAME, ON_PLAN = "median error, in its frame (m)", "on the plan"
+IN_FRAME = "median error, in its frame (m)"
 """A map that its taps do not turn is on no plan, and has no error in its frame."""
 
 
@@ -64,7 +64,6 @@ def _measured(walk: SimulatedWalk) -> list[Record]:
         numbers = {
             IN_FRAME: _in_frame_m(run.trajectory, truth) if on_plan else float("nan"),
             MEDIAN_ALIGNED: median_aligned_m(run.trajectory, truth),
-            ON_PLAN: float(on_plan),
         }
         records += record_of(walk, ELF, f"{taps} taps").each(numbers)
     return records
