@@ -307,7 +307,8 @@ NO_CLOSURES = Closures(
 class PoseGraph(Value):
     """Initial poses and the edges between them: measured i_from_j with its information.
 
-    `scale_sigma` is the error of all lengths together, which no edge can see.
+    `scale_sigma` is the error of all lengths together, which no edge can see. `drift_turn_rad` is
+    by how much a heading that drifts steadily turns each edge, if it drifts by one sigma.
     """
 
     initial: F64 = array("n", 3)
@@ -316,6 +317,7 @@ class PoseGraph(Value):
     information: F64 = array("e", 3, 3, largest=np.inf)
     is_closure: Bool = array("e", dtype=np.bool_)
     scale_sigma: float = 0.0
+    drift_turn_rad: F64 | None = array("e", optional=True)
 
 
 @dataclass(frozen=True)

@@ -52,7 +52,7 @@ def walked(seed: int, stated: F64, *, closing: bool = True) -> tuple[PoseGraph, 
 
 def told(graph: PoseGraph, parameters: GraphParameters = PARAMETERS) -> F64:
     """The sigmas (3) of steps that the loops tell."""
-    poses = solve(graph, [graph.initial], parameters)
+    poses = solve(graph, graph.initial, parameters)
     _, weighed = with_own_noise(graph, poses, parameters)
     steps = edges_of(weighed, ~weighed.is_closure)
     return 1 / np.sqrt(np.diagonal(steps.information[5]))
@@ -67,7 +67,7 @@ def test_planted_noise_is_found_whatever_was_stated(wrong_by: float) -> None:
 def test_factors_are_one_where_the_statement_is_right() -> None:
     def factors(seed: int) -> F64:
         graph, _ = walked(seed, TRUE_SIGMA)
-        return variance_factors(graph, solve(graph, [graph.initial], PARAMETERS), PARAMETERS)
+        return variance_factors(graph, solve(graph, graph.initial, PARAMETERS), PARAMETERS)
 
     mean = np.mean([factors(seed) for seed in range(10)], axis=0)
     npt.assert_allclose(mean, 1.0, atol=0.2)
@@ -75,7 +75,7 @@ def test_factors_are_one_where_the_statement_is_right() -> None:
 
 def test_steps_stated_too_noisy_get_narrower_sigmas_and_no_more_say() -> None:
     graph, _ = walked(0, 4 * TRUE_SIGMA)
-    start = solve(graph, [graph.initial], PARAMETERS)
+    start = solve(graph, graph.initial, PARAMETERS)
     poses, told_graph = with_own_noise(graph, start, PARAMETERS)
     npt.assert_allclose(poses, start, atol=1e-3)
     surer = np.diagonal(told_graph.information[5]) / np.diagonal(graph.information[5])
@@ -112,7 +112,7 @@ def test_a_step_that_is_less_sure_than_the_others_keeps_what_it_has_beyond() -> 
     information = graph.information.copy()
     information[0, 2, 2] = 1 / 0.3**2
     doubtful = dataclasses.replace(graph, information=information)
-    poses = solve(doubtful, [doubtful.initial], PARAMETERS)
+    poses = solve(doubtful, doubtful.initial, PARAMETERS)
     _, weighed = with_own_noise(doubtful, poses, PARAMETERS)
     assert 1 / np.sqrt(weighed.information[0, 2, 2]) == pytest.approx(0.3, rel=0.01)
 
@@ -130,7 +130,7 @@ def set_off(
     information[closing, 2, 2] = heading_sigma**-2
     graph = dataclasses.replace(graph, measurements=measurements, information=information)
     parameters = dataclasses.replace(PARAMETERS, noise_prior=prior)
-    poses = solve(graph, [graph.initial], parameters)
+    poses = solve(graph, graph.initial, parameters)
     _, weighed = with_own_noise(graph, poses, parameters)
     return float(weighed.information[0, 2, 2] ** -0.5)
 
@@ -148,7 +148,7 @@ def test_what_tells_no_heading_or_sets_off_as_it_goes_on_keeps_its_start() -> No
 
 def test_closures_and_graphs_without_any_stay_as_they_are() -> None:
     graph, _ = walked(0, 2 * TRUE_SIGMA)
-    _, weighed = with_own_noise(graph, solve(graph, [graph.initial], PARAMETERS), PARAMETERS)
+    _, weighed = with_own_noise(graph, solve(graph, graph.initial, PARAMETERS), PARAMETERS)
     kept = graph.information[graph.is_closure]
     npt.assert_array_equal(weighed.information[weighed.is_closure], kept)
     alone, _ = walked(0, TRUE_SIGMA, closing=False)

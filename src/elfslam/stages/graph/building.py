@@ -69,6 +69,9 @@ def build_graph(nodes: Odometry, closures: Closures) -> PoseGraph:
     steps = np.column_stack([np.arange(count), np.arange(1, count + 1)])
     step_information = np.stack([np.diag(1 / sigma**2) for sigma in nodes.step_sigma])
     closing = closure_edges(poses, closures)
+    drift_turn_rad = nodes.heading_drift_sigma_radps * np.diff(nodes.t_s)
+    still = np.zeros(len(closures.i))
+    drifts = nodes.heading_drift_sigma_radps > 0
     return PoseGraph(
         initial=poses,
         edges=np.vstack([steps, closing.edges]),
@@ -76,6 +79,7 @@ def build_graph(nodes: Odometry, closures: Closures) -> PoseGraph:
         information=np.concatenate([step_information, closing.information]),
         is_closure=np.arange(count + len(closures.i)) >= count,
         scale_sigma=nodes.scale_sigma,
+        drift_turn_rad=np.concatenate([drift_turn_rad, still]) if drifts else None,
     )
 
 
@@ -101,6 +105,7 @@ def edges_of(graph: PoseGraph, chosen: I64 | Bool) -> PoseGraph:
         graph.information[chosen],
         graph.is_closure[chosen],
         graph.scale_sigma,
+        None if graph.drift_turn_rad is None else graph.drift_turn_rad[chosen],
     )
 
 

@@ -48,6 +48,7 @@ from elfslam.stages.graph.uncertainty import (
     judge,
     known_at,
     least_squared,
+    left_out_squared,
     marginal_covariances,
     pose_covariances,
     predicted_covariance,
@@ -55,7 +56,9 @@ from elfslam.stages.graph.uncertainty import (
     scale_covariance,
     second_order_inflated,
     settle,
+    steady_drift,
     with_own_noise,
+    without_drift,
 )
 
 if TYPE_CHECKING:
@@ -79,6 +82,7 @@ def choose_closures(
     poses = graph.initial
     kept = np.zeros(len(closures.edges), dtype=bool) if by_hand is None else by_hand.copy()
     waiting = np.flatnonzero(runs.size >= parameters.run_closures)
+    batch = len(waiting)
     while len(waiting):
         middles = edges_of(closures, runs.middle[waiting])
         poses, equations = _settled(graph, kept, poses, middles.edges, parameters)
@@ -86,12 +90,46 @@ def choose_closures(
         fits = fit.squared <= limit
         if not fits.any():
             break
-        size = np.linalg.slogdet(fit.covariance)[1]
-        taken = fits & (log_odds(fit, poses) >= np.log(parameters.least_odds))
-        taken[np.argmin(np.where(fits, size, np.inf))] = True
+        likely = fits & (log_odds(fit, poses) >= np.log(parameters.least_odds))
+        size = np.where(fits, np.linalg.slogdet(fit.covariance)[1], np.inf)
+        surest = np.argsort(size, kind="stable")[: fits.sum()]
+        asked = runs.middle[waiting[surest]]
+        agreed, poses = _jointly_consistent(
+            graph, kept, asked[:batch], poses, equations, parameters
+        )
+        taken = likely | np.isin(runs.middle[waiting], agreed)
         kept |= np.isin(runs.run, waiting[taken])
-        waiting = waiting[~taken]
+        waiting, batch = waiting[~taken], 2 * len(agreed)
     return _revised(graph, closures, kept, poses, limit, parameters)
+
+
+def _jointly_consistent(
+    graph: PoseGraph,
+    kept: Bool,
+    asked: I64,
+    poses: F64,
+    equations: Equations,
+    parameters: GraphParameters,
+) -> tuple[I64, F64]:
+    """Which of the closures asked about (k), surest first, can all be true; and the poses then.
+
+    The cost may rise by no more than chance allows, and each must fit what the graph and all the
+    others predict. Those that do not are left out of the next trial, or the less sure half if
+    they are many. The surest is never left alone: by itself it is held for consistent.
+    """
+    closures = edges_of(graph, graph.is_closure)
+    while len(asked) > 1:
+        together = kept | np.isin(np.arange(len(kept)), asked)
+        trial, solved = _settled(graph, together, poses, graph.edges[:0], parameters)
+        left_out = left_out_squared(edges_of(closures, asked), trial, marginal_covariances(solved))
+        each, joint = 1 - (1 - parameters.inlier_probability) / len(asked), 3 * len(asked)
+        fits = left_out <= chi2.ppf(each, 3)
+        rise = 2 * (solved.cost - equations.cost)
+        if fits.all() and rise <= chi2.ppf(parameters.inlier_probability, joint):
+            return asked, trial
+        half = len(asked) // 2
+        asked = asked[fits] if half < fits.sum() < len(asked) else asked[:half]
+    return asked, poses
 
 
 def agreeing(graph: PoseGraph, further: Closures, parameters: GraphParameters) -> Bool:
@@ -143,8 +181,20 @@ def _settled(
     """The poses that the believed closures give, ready to be asked about other pairs."""
     believed = believing(graph, kept)
     pattern = pattern_of(np.vstack([believed.edges, asked]), len(poses))
-    start = min(poses, rotation_first(believed), key=partial(half_square, believed))
-    return settle(believed, start, pattern, parameters.anchor_sigma, SETTLING_STEPS)
+    return settle(
+        believed, plausible_start(believed, poses), pattern, parameters.anchor_sigma, SETTLING_STEPS
+    )
+
+
+def plausible_start(graph: PoseGraph, poses: F64) -> F64:
+    """Poses (n, 3) to solve from: those given, if edges agree with them; else the cheaper guess.
+
+    The expectation of twice the cost is the number of redundant measurements.
+    """
+    redundant = 3 * (len(graph.edges) - len(poses) + 1)
+    if 2 * half_square(graph, poses) <= redundant:
+        return poses
+    return min(poses, rotation_first(graph), key=partial(half_square, graph))
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,7 +337,7 @@ def optimise(
             poses, kept = choose_closures(graph, parameters, by_hand=by_hand)
         believed = believing(graph, kept)
         if kept.any():
-            poses = solve(believed, [poses, rotation_first(believed)], parameters)
+            poses = solve(believed, plausible_start(believed, poses), parameters)
             poses, believed = with_own_noise(believed, poses, parameters)
         covariance = pose_covariances(believed, poses, parameters.anchor_sigma)
         covariance = covariance + scale_covariance(poses, graph.scale_sigma)
@@ -313,21 +363,22 @@ def solving(graph: PoseGraph) -> Iterator[None]:
         ) from cause
 
 
-def solve(graph: PoseGraph, starts: list[F64], parameters: GraphParameters) -> F64:
-    """Levenberg-Marquardt from several starts (n, 3): the poses of lowest cost.
+def solve(graph: PoseGraph, start: F64, parameters: GraphParameters) -> F64:
+    """Levenberg-Marquardt from a start (n, 3).
 
     Raises RuntimeError or ValueError, as GTSAM says it, where the edges are degenerate.
     """
     import gtsam
 
+    if graph.drift_turn_rad is not None:
+        pattern = pattern_of(graph.edges, len(start))
+        start, _ = settle(graph, start, pattern, parameters.anchor_sigma, parameters.iterations)
+        graph = without_drift(graph, steady_drift(graph, start))
     problem = as_gtsam(graph, parameters.anchor_sigma)
     settings = gtsam.LevenbergMarquardtParams()
     settings.setMaxIterations(parameters.iterations)
-    solved = [
-        gtsam.LevenbergMarquardtOptimizer(problem, as_values(start), settings).optimize()
-        for start in starts
-    ]
-    return as_poses(min(solved, key=problem.error), len(graph.initial))
+    solved = gtsam.LevenbergMarquardtOptimizer(problem, as_values(start), settings).optimize()
+    return as_poses(solved, len(graph.initial))
 
 
 def as_gtsam(graph: PoseGraph, anchor_sigma: float) -> gtsam.NonlinearFactorGraph:

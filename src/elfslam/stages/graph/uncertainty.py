@@ -12,7 +12,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from elfslam.base.arrays import F64, I64, Bool
-from elfslam.base.geometry import between, compose, inverse
+from elfslam.base.geometry import between, compose, inverse, wrap_angle
 from elfslam.base.values import PoseGraph, Verdict
 from elfslam.stages.graph.blocks import (
     Factor,
@@ -93,6 +93,17 @@ def agreement(graph: PoseGraph, poses: F64, kept: Bool, parameters: GraphParamet
     return squared
 
 
+def left_out_squared(closures: PoseGraph, poses: F64, known: MarginalCovariances) -> F64:
+    """Squared Mahalanobis length (k) of each believed closure against what all the rest predicts.
+
+    What the closure itself bent towards it is taken out of its residual's covariance.
+    """
+    predicted = predicted_covariance(known, poses, closures.edges, closures.measurements)
+    own = covariance_of_edges(closures)
+    residual = residuals(poses, closures.edges, closures.measurements)
+    return chi_square(residual, own - predicted + LEAST_SHARE * own)
+
+
 def known_at(graph: PoseGraph, poses: F64, asked: I64, anchor_sigma: float) -> MarginalCovariances:
     """Marginal covariances at `poses`, of every neighbour and of the pairs (k, 2) asked about."""
     pattern = pattern_of(np.vstack([graph.edges, asked]), len(poses))
@@ -161,7 +172,7 @@ def variance_factors(graph: PoseGraph, poses: F64, parameters: GraphParameters) 
     """
     pattern = pattern_of(graph.edges, len(poses))
     known = marginal_covariances(equations_at(graph, poses, pattern, parameters.anchor_sigma))
-    steps = edges_of(graph, ~graph.is_closure)
+    steps = edges_of(without_drift(graph, steady_drift(graph, poses)), ~graph.is_closure)
     predicted = predicted_covariance(known, poses, steps.edges, steps.measurements)
     residual = residuals(poses, steps.edges, steps.measurements)
     squared = residual * np.einsum("eab,eb->ea", steps.information, residual)
@@ -208,12 +219,22 @@ def _with_told_start(
 class Equations:
     """Gauss-Newton normal equations of a graph at some poses, factored (block L D L').
 
-    `cost` is half the sum of the squared whitened residuals.
+    `cost` is half the sum of the squared whitened residuals. A steady drift of the heading is
+    eliminated: it is what suits the poses best, and the inverse is that of the factor and the
+    outer product of `drift_lever` (n, 3) more (Schur complement).
     """
 
     factor: Factor
     gradient: F64
     cost: float
+    drift_lever: F64 | None = None
+
+    def step(self) -> F64:
+        """The Gauss-Newton step (n, 3), to be taken backwards."""
+        step = solution(self.factor, self.gradient)
+        if self.drift_lever is None:
+            return step
+        return np.asarray(step + self.drift_lever * np.vdot(self.drift_lever, self.gradient))
 
 
 def settle(
@@ -225,7 +246,7 @@ def settle(
     """
     equations = equations_at(graph, poses, pattern, anchor_sigma)
     for _ in range(steps):
-        step = solution(equations.factor, equations.gradient)
+        step = equations.step()
         if np.vdot(equations.gradient, step) / 2 < SETTLED * equations.cost:
             break
         moved = equations_at(graph, compose(poses, -step), pattern, anchor_sigma)
@@ -240,6 +261,8 @@ def equations_at(graph: PoseGraph, poses: F64, pattern: Pattern, anchor_sigma: f
 
     Raises RuntimeError where the edges do not hold the poses together.
     """
+    drift = steady_drift(graph, poses)
+    graph = without_drift(graph, drift)
     residual, near, far = jacobians(poses, graph.edges, graph.measurements)
     i, j = graph.edges.T
     near_w = np.swapaxes(near, 1, 2) @ graph.information
@@ -247,17 +270,61 @@ def equations_at(graph: PoseGraph, poses: F64, pattern: Pattern, anchor_sigma: f
     start, anchor = np.zeros(1, dtype=np.int64), np.eye(3)[None] * (1 / anchor_sigma) ** 2
     rows, columns = np.concatenate([i, j, i, start]), np.concatenate([i, j, j, start])
     blocks = np.concatenate([near_w @ near, far_w @ far, near_w @ far, anchor])
-    pulls = np.concatenate([near_w, far_w]) @ np.concatenate([residual, residual])[:, :, None]
-    gradient = summed(pulls[:, :, 0], np.concatenate([i, j]), len(poses))
-    cost = 0.5 * float(np.einsum("ea,eab,eb", residual, graph.information, residual))
+    weighed = np.concatenate([near_w, far_w])
+
+    def pull(of: F64) -> F64:
+        pulls = weighed @ np.concatenate([of, of])[:, :, None]
+        return summed(pulls[:, :, 0], np.concatenate([i, j]), len(poses))
+
+    cost = 0.5 * (float(np.einsum("ea,eab,eb", residual, graph.information, residual)) + drift**2)
     factor = factored(pattern, rows, columns, blocks)
-    return Equations(factor, gradient, cost)
+    if graph.drift_turn_rad is None:
+        return Equations(factor, pull(residual), cost)
+    turning = drift_jacobian(graph, residual)
+    own = 1.0 + float(np.einsum("ea,eab,eb", turning, graph.information, turning))
+    border = pull(turning)
+    lever = solution(factor, border)
+    return Equations(
+        factor, pull(residual), cost, lever / np.sqrt(own - float(np.vdot(border, lever)))
+    )
+
+
+def steady_drift(graph: PoseGraph, poses: F64) -> float:
+    """How many sigmas of steady heading drift suit the poses best; 0 where the graph has none.
+
+    A heading that drifts, as a gyroscope with a constant bias makes it, turns every step alike.
+    """
+    if graph.drift_turn_rad is None:
+        return 0.0
+    residual = residuals(poses, graph.edges, graph.measurements)
+    turning = drift_jacobian(graph, residual)
+    weighed = np.einsum("ea,eab->eb", turning, graph.information)
+    return -float(np.vdot(weighed, residual) / (1.0 + np.vdot(weighed, turning)))
+
+
+def without_drift(graph: PoseGraph, drift: float) -> PoseGraph:
+    """The graph whose steps turn as if the heading had not drifted by so many sigmas."""
+    if graph.drift_turn_rad is None:
+        return graph
+    turned = graph.measurements.copy()
+    turned[:, 2] = wrap_angle(turned[:, 2] + drift * graph.drift_turn_rad)
+    return replace(graph, measurements=turned)
+
+
+def drift_jacobian(graph: PoseGraph, residual: F64) -> F64:
+    """Derivatives (e, 3) of the residuals by a sigma of steady heading drift."""
+    assert graph.drift_turn_rad is not None
+    x, y, _ = residual.T
+    straight = np.column_stack([-y / 2, x / 2, np.ones(len(x))])
+    return np.asarray(-graph.drift_turn_rad[:, None] * straight)
 
 
 def half_square(graph: PoseGraph, poses: F64) -> float:
-    """Half the sum of the edges' squared whitened residuals, as GTSAM counts it."""
+    """Half the sum of the squared whitened residuals, as GTSAM counts it, and of the drift."""
+    drift = steady_drift(graph, poses)
+    graph = without_drift(graph, drift)
     residual = residuals(poses, graph.edges, graph.measurements)
-    return 0.5 * float(np.einsum("ea,eab,eb", residual, graph.information, residual))
+    return 0.5 * (float(np.einsum("ea,eab,eb", residual, graph.information, residual)) + drift**2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,18 +333,23 @@ class MarginalCovariances:
 
     pattern: Pattern
     blocks: F64
+    drift_lever: F64 | None = None
 
 
 def marginal_covariances(equations: Equations) -> MarginalCovariances:
     """Marginal covariances of single poses and of neighbours in the pattern."""
-    return MarginalCovariances(equations.factor.pattern, inverse_blocks(equations.factor))
+    blocks = inverse_blocks(equations.factor)
+    return MarginalCovariances(equations.factor.pattern, blocks, equations.drift_lever)
 
 
 def covariance_of(known: MarginalCovariances, i: I64, j: I64) -> F64:
     """Covariances (k, 3, 3) between poses i and j (k), which the pattern must join."""
     at, transposed = stored_at(known.pattern, i, j)
     blocks = known.blocks[at]
-    return np.where(transposed[:, None, None], np.swapaxes(blocks, 1, 2), blocks)
+    upright = np.where(transposed[:, None, None], np.swapaxes(blocks, 1, 2), blocks)
+    if known.drift_lever is None:
+        return upright
+    return np.asarray(upright + known.drift_lever[i, :, None] * known.drift_lever[j, None, :])
 
 
 def predicted_covariance(
