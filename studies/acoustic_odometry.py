@@ -12,7 +12,7 @@ from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64
 from elfslam.base.geometry import path_length_m
 from elfslam.base.values import Chirp, Echoes, Features, Odometry, Truth
-from elfslam.scoring.errors import Alignment, interval, match, position_errors
+from elfslam.scoring.errors import interval, match
 from elfslam.slam.front_end import dead_reckoning_nodes
 from elfslam.stages.acoustic_odometry import (
     AcousticOdometryParameters,
@@ -34,7 +34,7 @@ from studies.cached import (
     simulated,
 )
 from studies.results import Record, seeds_text
-from studies.study import Study, StudyContext, finished
+from studies.study import Study, StudyContext, finished, median_aligned_m
 
 SEEDS = {
     "studio": range(110, 120),
@@ -124,8 +124,7 @@ def _map_error_m(heard: HeardWalk, features: Features, estimate: ScaleEstimate) 
     nodes, settings = rescaled(heard.nodes, estimate), Settings()
     closures = find_closures(echo_sequence_similarity(features, nodes), nodes, settings.closure)
     made = optimise(build_graph(nodes, closures), nodes.t_s, settings.graph)
-    errors = position_errors(made.t_s, made.world_from_body, heard.truth, Alignment.ALIGNED)
-    return float(np.median(errors))
+    return median_aligned_m(made, heard.truth)
 
 
 def summarised(walks: Sequence[Sequence[Record]], of: Record) -> Iterator[Record]:

@@ -63,8 +63,7 @@ HONEST: Mapping[str, Circumstances] = {
 KINDS = (*HONEST, *NEIGHBOURS, *SOUNDS, REGULAR)
 HONEST_WALK, ALL = "honest walk", "all but other phones"
 MODES = {Mode.TRACK: "tracker", Mode.ONE_SHOT: "one-shot"}
-DELAY, SUSPECT, REFUSED = "delay (s)", "SUSPECT fixes (%)", "otherwise refused fixes (%)"
-FARTHEST = ("farthest fix before detection (m)", "farthest fix (m)", "farthest fix, unchecked (m)")
+DELAY = "delay (s)"
 ALARMS = ("alarms", "hours")
 Numbers = dict[str, float]
 
@@ -166,13 +165,8 @@ def _came_of_it(victim: Victim, audio: Audio, mapped: Mapped) -> dict[str, Numbe
         share = 100 / under.sum()
         numbers[mode] = {
             DELAY: first_s - onset_s,
-            SUSPECT: float(share * told.sum()),
-            REFUSED: float(share * (under & ~told & ~given).sum()),
             "wrong fixes (%)": float(share * (given & (off_m > WRONG_M)).sum()),
             "wrong fixes, unchecked (%)": float(share * (believed & (loose_m > WRONG_M)).sum()),
-            FARTHEST[0]: _most(off_m[given & (fixes.t_s < first_s)]),
-            FARTHEST[1]: _most(off_m[given]),
-            FARTHEST[2]: _most(loose_m[believed]),
         }
     return numbers
 
@@ -209,10 +203,6 @@ def _off_m(fixes: Fixes, walk: Walked, mapped: Mapped) -> F64:
     return np.asarray(np.linalg.norm(fixes.xy_m - true_m, axis=1))
 
 
-def _most(off_m: F64) -> float:
-    return float(np.nanmax(off_m, initial=0.0))
-
-
 def _honest(task: Task, mapped: Mapped) -> dict[str, Numbers]:
     """False alarms of one walk without an attacker, by mode."""
     world, today = load_world(task.world), HONEST.get(task.what, Circumstances())
@@ -224,13 +214,9 @@ def _honest(task: Task, mapped: Mapped) -> dict[str, Numbers]:
     checked, _ = _located(walk, recorded(walk, added), mapped)
     numbers: dict[str, Numbers] = {}
     for mode, fixes in checked.items():
-        suspect = fixes.status == FixStatus.SUSPECT
-        answered = fixes.status == FixStatus.OK
         numbers[mode] = {
-            "alarms": float(_alarms(fixes.t_s, suspect)),
+            "alarms": float(_alarms(fixes.t_s, fixes.status == FixStatus.SUSPECT)),
             "hours": float(walk.truth.t_s[-1]) / 3600,
-            SUSPECT: 100 * float(suspect.mean()),
-            REFUSED: 100 * float((~suspect & ~answered).mean()),
         }
     return numbers
 
@@ -259,20 +245,16 @@ def summarised(walks: Iterable[Sequence[Record]], of: Record) -> Iterator[Record
         if name == DELAY:
             yield from _told(np.array(values), mode, of_it)
         else:
-            most = name in FARTHEST
-            yield replace(
-                of_it, metric=metric, value=max(values) if most else float(np.mean(values))
-            )
+            yield replace(of_it, metric=metric, value=float(np.mean(values)))
 
 
 def _told(delays_s: F64, mode: str, of: Record) -> Iterator[Record]:
-    """How many walks were told, and within what time half of them and 95 of 100 were."""
+    """How many walks were told, and within what time half of them were."""
     told = 100 * float(np.isfinite(delays_s).mean())
     yield replace(of, metric=f"attacks detected (%), {mode}", value=told)
-    for name, share in (("median delay", 0.5), ("delay of 95 %", 0.95)):
-        value = float(np.quantile(delays_s, share, method="inverted_cdf"))
-        if np.isfinite(value):
-            yield replace(of, metric=f"{name} (s), {mode}", value=value)
+    median_s = float(np.quantile(delays_s, 0.5, method="inverted_cdf"))
+    if np.isfinite(median_s):
+        yield replace(of, metric=f"median delay (s), {mode}", value=median_s)
 
 
 def _honest_records(

@@ -32,12 +32,12 @@ from studies.study import SampledError, Study, StudyContext
 
 STUDIES = (
     "acoustic-odometry", "amounts", "attacks", "closures", "contention", "dead-reckoning",
-    "displacement", "distinctness", "elf", "fidelity", "finetuning", "fix-thresholds",
+    "displacement", "distinctness", "elf", "fidelity", "fix-thresholds",
     "floor-plan", "floors-by-wifi", "growing-map", "laps", "live-footsteps", "localization",
-    "localization-cost", "magnetic-left-out", "magnetic-walks", "mall-fifths", "mall-floor",
+    "localization-cost", "magnetic-left-out", "mall-fifths", "mall-floor",
     "many-mappers", "mapping", "merging", "paper", "paper-figures", "paper-summary", "passages",
-    "physics", "pose-graphs", "real-rooms", "realism", "sensitivity", "sensors", "speech",
-    "speed", "spots", "stability", "superimposition", "taps", "thresholds", "trace",
+    "pose-graphs", "real-rooms", "realism", "sensitivity", "sensors", "speech",
+    "spots", "stability", "superimposition", "taps", "thresholds", "trace",
     "unknown-phone",
 )  # fmt: skip
 """Each stands in the module of its name, as `STUDY`."""

@@ -30,9 +30,8 @@ from studies.cached import (
     simulated,
 )
 from studies.curation import CurationParameters, curated_closures, pairs_on_lines
-from studies.mapping import MEDIAN_ALIGNED
 from studies.results import Record
-from studies.study import Study, StudyContext, per_walk
+from studies.study import MEDIAN_ALIGNED, Study, StudyContext, per_walk
 
 WORLDS = ("living_room", "office", "mall")
 SEEDS = tuple(range(5))
@@ -51,7 +50,7 @@ def measure_closures(
     rounds: int = ROUNDS,
     kind: Kind = PEOPLE,
 ) -> list[Record]:
-    """Pairs, precision and recall after each step (the condition) of three strategies.
+    """Precision and recall after each step (the condition) of three strategies.
 
     Maps are made of what a strategy ends with: by the graph that may reject closures, and by plain
     least squares, which accepts all.
@@ -95,8 +94,7 @@ def _steps(
 
 def _scored(of: Record, closures: Closures, nodes: Odometry, truth: Truth) -> list[Record]:
     score = score_closures(closures, nodes.t_s, truth)
-    numbers = {"pairs": score.count, "precision": score.precision, "recall": score.recall}
-    return of.each(numbers)
+    return of.each({"precision": score.precision, "recall": score.recall})
 
 
 def _mapped(

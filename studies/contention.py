@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -15,7 +15,7 @@ from elfslam.scoring.errors import fix_distances
 from elfslam.stages.echo import EchoParameters, Frames, echoes_of, find_frames
 from elfslam.stages.feature import extract_features
 from elfslam.stages.locate import LocateParameters, elf_payload, fixes_of, spot_similarity
-from elfslam.stages.medium_access import MediumAccessParameters, spoiled_frames
+from elfslam.stages.medium_access import MediumAccessParameters
 from elfslam.world.kinds import QUIET
 from elfslam.world.simulate import load_world
 from studies.cached import SCENARIOS, shipped
@@ -34,7 +34,6 @@ SETTLED_S = 10.0
 """What is heard before that is left out: phones find their turns."""
 SPOILED_DB = -10.0
 """Others' sound over the own echoes in a trace, from which on it counts as spoiled."""
-CLEAN_DB = -20.0
 LONGEST_S = 2.0
 FEWEST = 2
 """Of sparse echoes two make as good a fix as three, and sooner."""
@@ -86,9 +85,8 @@ def _measured(task: Task) -> list[Record]:
                 crowd, MediumAccessParameters(), task.seed, slotted=slotted, seconds=seconds
             )
             for k, phone in enumerate(heard):
-                for name, numbers in _of_phone(way, crowd, k, phone, mapped, seconds):
-                    for metric, value in numbers.items():
-                        found.setdefault((name, metric), []).append(value)
+                for metric, value in _of_phone(crowd, k, phone, mapped, seconds).items():
+                    found.setdefault((way, metric), []).append(value)
     condition = f"{task.phones} phone{'s' if task.phones > 1 else ''}"
     return [
         Record(way, metric, float(np.nanmean(values)), world=task.world,
@@ -111,31 +109,18 @@ def _mapped(world: str, seed: int, rounds: int) -> Mapped:
 
 
 def _of_phone(
-    way: str, crowd: Crowd, k: int, heard: Overheard, mapped: Mapped, seconds: float
-) -> Iterator[tuple[str, dict[str, float]]]:
+    crowd: Crowd, k: int, heard: Overheard, mapped: Mapped, seconds: float
+) -> dict[str, float]:
     frames = find_frames(heard.audio, crowd.chirp, EchoParameters(), heard.played_t_s)
     arrivals = frames.arrivals.samples
     settled = arrivals > SETTLED_S * ECHO_RATE_HZ
-    over_db = _others_db(heard, arrivals)
-    found = spoiled_frames(frames.envelope, arrivals, MediumAccessParameters())
-    spoiled, clean = over_db > SPOILED_DB, over_db < CLEAN_DB
+    spoiled = _others_db(heard, arrivals) > SPOILED_DB
     span_s = seconds - SETTLED_S
-    told = {
-        "chirps (1/s)": settled.sum() / span_s,
-        "spoiled frames (%)": _percent(spoiled[settled]),
-        "spoiled frames detected (%)": _percent(found[settled & spoiled]),
-        "clean frames taken for spoiled (%)": _percent(found[settled & clean]),
+    return {
+        "spoiled frames (%)": 100 * float(spoiled[settled].mean()),
+        "clean chirps (1/s)": (settled & ~spoiled).sum() / span_s,
+        **_fix_numbers(_fixes(frames, ~settled, mapped), crowd, k, mapped, span_s),
     }
-    unsettled = ~settled
-    for name, dropped in ((way, unsettled), (f"{way}, spoiled frames dropped", found | unsettled)):
-        kept = ~dropped & ~spoiled
-        numbers = {**told, "clean chirps (1/s)": kept.sum() / span_s}
-        fixes = _fixes(frames, dropped, mapped)
-        yield name, numbers | _fix_numbers(fixes, crowd, k, mapped, span_s)
-
-
-def _percent(values: Bool) -> float:
-    return 100 * float(values.mean()) if len(values) else float("nan")
 
 
 def _others_db(heard: Overheard, arrivals: I64) -> F64:
@@ -185,7 +170,7 @@ def _fix_numbers(
     fixes: Fixes | None, crowd: Crowd, k: int, mapped: Mapped, span_s: float
 ) -> dict[str, float]:
     if fixes is None:
-        return {"fixes (1/min)": 0.0, "answered fixes (%)": 0.0}
+        return {"fixes within 1 m (1/min)": 0.0}
     later = Fixes(
         fixes.t_s - crowd.phones[k].in_s, fixes.xy_m, fixes.heading_rad, fixes.covariance_m2,
         fixes.score, fixes.status,
@@ -193,10 +178,7 @@ def _fix_numbers(
     status, errors = fix_distances(later, crowd.phones[k].truth, world_from_map(mapped))
     answered = errors[status == FixStatus.OK]
     return {
-        "fixes (1/min)": 60 * len(answered) / span_s,
-        "answered fixes (%)": _percent(status == FixStatus.OK),
         "median error (m)": float(np.median(answered)) if len(answered) else float("nan"),
-        "answered fixes over 1 m (%)": _percent(answered > GROSS_M),
         "fixes within 1 m (1/min)": 60 * float(np.sum(answered <= GROSS_M)) / span_s,
     }
 

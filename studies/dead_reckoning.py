@@ -23,7 +23,6 @@ from elfslam.scoring.errors import (
     interval,
     match,
     placement,
-    position_errors,
 )
 from elfslam.stages.motion import (
     HardIron,
@@ -70,15 +69,6 @@ class ReckonedWalk:
     reported_rad: float = float("nan")
 
 
-@dataclass(frozen=True)
-class Scored:
-    """What is known of one walk in one way."""
-
-    end_share: float
-    rmse_m: float
-    scale: float
-
-
 def measure_dead_reckoning(
     context: StudyContext,
     *,
@@ -88,9 +78,9 @@ def measure_dead_reckoning(
 ) -> list[Record]:
     """End errors by source of the heading (the method) and by how the phone is held or sampled.
 
-    Beside them step scales, what of an error is due to what, and whether the reported sigmas are
-    right. Without `data`, which has the mall walks, simulated walks alone are measured. `walks`
-    takes the first of each floor alone, `seeds` so many walks of each simulated world.
+    Beside them what of an error is due to what, and whether the reported sigmas are right. Without
+    `data`, which has the mall walks, simulated walks alone are measured. `walks` takes the first of
+    each floor alone, `seeds` so many walks of each simulated world.
     """
     floors = (
         {} if context.data is None else dict(mall_floors(context.data, walks, context.announce))
@@ -102,8 +92,8 @@ def measure_dead_reckoning(
     for world, rate_hz, some in simulated_walks(worlds, seeds):
         simulated += some
         of = Record(TRUE_LEG, world=world, condition=f"{rate_hz} Hz", seeds=drawn)
-        records += _summed_up(of, _scored(some, TRUE_LEG))
-        records += _summed_up(replace(of, method=LENGTH_KNOWN), _calibrated(some))
+        records.append(_summed_up(of, _scored(some, TRUE_LEG)))
+        records.append(_summed_up(replace(of, method=LENGTH_KNOWN), _calibrated(some)))
     context.announce("mall walks", 0.6)
     records += _of_floors(floors) if floors else []
     context.announce("uncertainty", 0.9)
@@ -129,56 +119,40 @@ def _by_floor(
     heading: str,
     sensors: str,
     floors: Mapping[str, Sequence[ReckonedWalk]],
-    score: Callable[[Sequence[ReckonedWalk]], list[Scored]],
+    score: Callable[[Sequence[ReckonedWalk]], list[float]],
 ) -> Iterator[Record]:
     """For every floor, and for all walks together."""
-    together: list[Scored] = []
+    together: list[float] = []
     for floor, walks in floors.items():
         scored = score(walks)
         together += scored
-        yield from _summed_up(Record(heading, world=floor, condition=sensors), scored)
-    yield from _summed_up(Record(heading, world="mall", condition=sensors), together)
+        yield _summed_up(Record(heading, world=floor, condition=sensors), scored)
+    yield _summed_up(Record(heading, world="mall", condition=sensors), together)
 
 
-def _summed_up(of: Record, scored: Sequence[Scored]) -> Iterator[Record]:
-    ends = [np.array([100 * one.end_share]) for one in scored]
-    low, high = interval(ends, lambda values: float(np.median(values)), np.random.default_rng(0))
-    middle = float(np.median(np.concatenate(ends)))
-    yield replace(of, metric="end error (%)", value=middle, low=low, high=high)
-    yield from of.each({
-        "RMSE, aligned (m)": np.median([one.rmse_m for one in scored]),
-        "step scale": np.median([one.scale for one in scored]),
-        "spread of the step scale": np.std([one.scale for one in scored]),
-    })  # fmt: skip
+def _summed_up(of: Record, ends: Sequence[float]) -> Record:
+    """The median of end errors, as shares, and its interval over walks."""
+    each = [np.array([100 * end]) for end in ends]
+    low, high = interval(each, lambda values: float(np.median(values)), np.random.default_rng(0))
+    middle = 100 * float(np.median(ends))
+    return replace(of, metric="end error (%)", value=middle, low=low, high=high)
 
 
-def _scored(walks: Sequence[ReckonedWalk], heading: str) -> list[Scored]:
-    """Every walk, with its start known and its heading from one of the sources.
+def _scored(walks: Sequence[ReckonedWalk], heading: str) -> list[float]:
+    """End errors as shares of every walk, its start known, its heading from one of the sources.
 
     Where that is the phone, one angle per floor turns north into the plane of the truth: the
     median over the floor's walks of what turns each best onto its truth; or none does.
     """
     reckoned = [dead_reckon(walk.imu, MotionParameters()) for walk in walks]
     if heading == TRUE_LEG:
-        ends = [
+        return [
             end_error_share(o.t_s, o.world_from_body, walk.truth)
             for o, walk in zip(reckoned, walks, strict=True)
         ]
-    else:
-        starts = _starts_rad(walks, heading)
-        turn_rad = 0.0 if heading == UNTURNED else _floor_turn_rad(reckoned, walks, starts)
-        ends = list(_ends(reckoned, walks, starts + turn_rad))
-    return [
-        _summed(odometry, walk, end)
-        for odometry, walk, end in zip(reckoned, walks, ends, strict=True)
-    ]
-
-
-def _summed(odometry: Odometry, walk: ReckonedWalk, end_share: float) -> Scored:
-    errors = position_errors(odometry.t_s, odometry.world_from_body, walk.truth, Alignment.ALIGNED)
-    matched = match(odometry.t_s, odometry.world_from_body, walk.truth)
-    scale = placement(matched, Alignment.ALIGNED_WITH_SCALE).scale
-    return Scored(end_share, float(np.sqrt(np.mean(errors**2))), scale)
+    starts = _starts_rad(walks, heading)
+    turn_rad = 0.0 if heading == UNTURNED else _floor_turn_rad(reckoned, walks, starts)
+    return list(_ends(reckoned, walks, starts + turn_rad))
 
 
 def _starts_rad(walks: Sequence[ReckonedWalk], heading: str) -> F64:
@@ -264,8 +238,8 @@ def end_errors(estimate_m: F64, true_m: F64) -> dict[str, float]:
     return {name: float(abs(legs.sum() - true.sum()) / length_m) for name, legs in replaced.items()}
 
 
-def _calibrated(walks: Sequence[ReckonedWalk]) -> list[Scored]:
-    """Every walk by a walker whose step length is known from the length of that same walk."""
+def _calibrated(walks: Sequence[ReckonedWalk]) -> list[float]:
+    """The same by a walker whose step length is known from the length of that same walk."""
     scored = []
     for walk in walks:
         odometry = dead_reckon(walk.imu, MotionParameters())
@@ -274,8 +248,7 @@ def _calibrated(walks: Sequence[ReckonedWalk]) -> list[Scored]:
         moves_m = path_length_m(odometry.world_from_body[:, :2])
         own = calibrated_by_distance(walk.imu, share * moves_m, MotionParameters())
         taught = dead_reckon(walk.imu, own)
-        end = end_error_share(taught.t_s, taught.world_from_body, walk.truth)
-        scored.append(_summed(taught, walk, end))
+        scored.append(end_error_share(taught.t_s, taught.world_from_body, walk.truth))
     return scored
 
 

@@ -7,9 +7,8 @@ half as far. Features lose what the places have in common, as those of a walk do
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from scipy.spatial.distance import cdist
@@ -18,7 +17,7 @@ from elfslam.base.arrays import F32, Bool
 from elfslam.stages.feature import Encoder
 from studies.plain_features import compared_encoders
 from studies.real_rooms import own
-from studies.realism import Place, contrast, echoes_of, measured_places, places_along
+from studies.realism import Place, echoes_of, measured_places, places_along
 from studies.results import Record
 from studies.study import Study, StudyContext
 
@@ -28,7 +27,7 @@ MOVED_M = (0.005, 0.0125, 0.025, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
 ELSEWHERE_M = 2.0
 """Places so far from each other are others."""
 FALSE_POSITIVES = 0.01
-SIMILARITY, RECALL = "similarity kept", "recall at 1 % false positives"
+RECALL = "recall at 1 % false positives"
 
 
 def measure_displacement(
@@ -38,12 +37,11 @@ def measure_displacement(
     places: int = PLACES,
     encoders: Mapping[str, Encoder] | None = None,
 ) -> list[Record]:
-    """Similarity kept and recall by room, feature and displacement (the condition).
+    """Recall by room, feature and displacement (the condition).
 
-    What is kept is the mean cosine less that of other places, over what is then left; recall is
-    the share more similar than all but 1 % of places two metres away or more. Without `data` there
-    is no measured room. Places along the routes by seed 0. `encoders` are measured by name beside
-    the shipped one and the spectrograms.
+    That is the share more similar than all but 1 % of places two metres away or more. Without
+    `data` there is no measured room. Places along the routes by seed 0. `encoders` are measured by
+    name beside the shipped one and the spectrograms.
     """
     compared = {**compared_encoders(), **(encoders or {})}
     records: list[Record] = []
@@ -60,18 +58,12 @@ def measure_displacement(
 def _records(of: Record, place: Place, encoders: Mapping[str, Encoder]) -> list[Record]:
     here = echoes_of(place.responses)
     known = {name: own(encoder.embed(here)) for name, encoder in encoders.items()}
-    measures: Mapping[str, Callable[[F32, F32], float]] = {
-        SIMILARITY: contrast, RECALL: partial(recall, other=_other(place)),
-    }  # fmt: skip
-    records = []
+    other, records = _other(place), []
     for far_m, responses in place.moved.items():
         moved, at = echoes_of(responses), replace(of, condition=f"{100 * far_m:g} cm")
         for name, encoder in encoders.items():
-            again = own(encoder.embed(moved))
-            records += [
-                replace(at, method=name, metric=metric, value=by(known[name], again))
-                for metric, by in measures.items()
-            ]
+            found = recall(known[name], own(encoder.embed(moved)), other)
+            records.append(replace(at, method=name, metric=RECALL, value=found))
     return records
 
 

@@ -254,17 +254,10 @@ def _at(threshold: float) -> Mapping[str, Measure]:
     }
 
 
-def _mean(counts: F64, kind: int) -> float:
-    cells = (EDGES[:-1] + EDGES[1:]) / 2
-    return float(counts[kind] @ cells / counts[kind].sum())
-
-
 MEASURES: Mapping[str, Measure] = {
     "AUC": area_under_curve,
     "recall at 1 % false positives": partial(recall_at, false_positive_rate=0.01),
     "recall at 0.1 % false positives": partial(recall_at, false_positive_rate=0.001),
-    "mean similarity, same place": partial(_mean, kind=SAME),
-    "mean similarity, elsewhere": partial(_mean, kind=ELSEWHERE),
 }
 
 

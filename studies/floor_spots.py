@@ -37,9 +37,7 @@ SETS = ("new traces", "off the grid", "in between")
 SAME, DIFFERENT = "same direction", "different direction"
 ONE, ALL_APART, MEAN_OF_ALL = "one direction", "all directions kept apart", "mean of all directions"
 SUPERIMPOSED, SUPERVISED = "superimposed", "supervised"
-SHARES = np.linspace(0.1, 0.9, 9)
-MEAN_M, MEDIAN_M, Q3_M = "mean error (m)", "median error (m)", "third quartile (m)"
-OVER_1_M, WITHIN_M = "over 1 m", "error of that share at most (m)"
+MEAN_M, MEDIAN_M = "mean error (m)", "median error (m)"
 SIMILARITY = "similarity of four directions"
 PAPER_M = {ONE: (DIFFERENT, 3.2), SUPERIMPOSED: (SETS[0], 0.24), SUPERVISED: (SETS[0], 0.56)}
 """What the paper's maps were asked, and their mean errors."""
@@ -110,9 +108,8 @@ def measure_floor(task: Spots, folder: Path, announce: Announce) -> list[Record]
     for name, xy_m, vectors, encoder, asked in _maps(floor, before, after, shipped, learnt):
         for kind in asked:
             places_m, samples = queries[kind]
-            for together in (1, TOGETHER):
-                found = fixes_m(encoder.embed(samples), together, vectors, xy_m)
-                records += _errors(name, kind, together, found, places_m)
+            found = fixes_m(encoder.embed(samples), vectors, xy_m)
+            records.append(_error(name, kind, found, places_m))
     records += [*_similarities("before", before), *_similarities("after", after)]
     if task.supervised_traces:
         records += _supervised(task, floor, queries, announce)
@@ -120,9 +117,9 @@ def measure_floor(task: Spots, folder: Path, announce: Announce) -> list[Record]
     return [replace(each, world=task.world, seeds=seed) for each in records]
 
 
-def fixes_m(vectors: F32, together: int, spots: F32, spots_m: F64) -> F64:
-    """Where (n, 2) the first `together` of every six echoes (6 n, d) were heard, by map."""
-    asked = vectors.reshape(-1, TOGETHER, vectors.shape[1])[:, :together].mean(axis=1)
+def fixes_m(vectors: F32, spots: F32, spots_m: F64) -> F64:
+    """Where (n, 2) every six echoes (6 n, d) were heard, by map."""
+    asked = vectors.reshape(-1, TOGETHER, vectors.shape[1]).mean(axis=1)
     scores = asked @ spots.T
     best = spots_m[scores.argmax(axis=1)]
     near = np.linalg.norm(spots_m[None] - best[:, None], axis=2) <= NEAR_M
@@ -235,47 +232,27 @@ def _supervised(
     )  # fmt: skip
     for kind in SETS:
         places_m, samples = queries[kind]
-        for together, part in ((1, samples[::TOGETHER]), (TOGETHER, samples)):
-            named = named_spots(network, part, together=together)
-            yield from _errors(SUPERVISED, kind, together, floor.spots_m[named], places_m)
+        named = named_spots(network, samples, together=TOGETHER)
+        yield _error(SUPERVISED, kind, floor.spots_m[named], places_m)
 
 
-def error_numbers(found_m: F64, truth_m: F64) -> dict[str, float]:
-    """By metric: mean, median, third quartile, and the share beyond 1 m."""
-    error_m = np.linalg.norm(found_m - truth_m, axis=1)
-    return {
-        MEAN_M: float(error_m.mean()),
-        MEDIAN_M: float(np.median(error_m)),
-        Q3_M: float(np.quantile(error_m, 0.75)),
-        OVER_1_M: float((error_m > 1.0).mean()),
-    }
+def errors_m(found_m: F64, truth_m: F64) -> F64:
+    """Distances (n) of fixes from where they were asked."""
+    return np.asarray(np.linalg.norm(found_m - truth_m, axis=1))
 
 
-def quantile_numbers(found_m: F64, truth_m: F64) -> dict[str, float]:
-    """By share in percent, as a condition begins: the error (m) that so many fixes keep within."""
-    quantiles = np.quantile(np.linalg.norm(found_m - truth_m, axis=1), SHARES)
-    return {f"{100 * share:.0f} %": float(at) for share, at in zip(SHARES, quantiles, strict=True)}
-
-
-def _errors(name: str, kind: str, together: int, found_m: F64, truth_m: F64) -> Iterator[Record]:
-    """Of a map, what it was asked, and from how many echoes."""
-    asked = f"{kind}, from {together}"
+def _error(name: str, kind: str, found_m: F64, truth_m: F64) -> Record:
+    """Of a map, and what it was asked."""
     paper_kind, paper_m = PAPER_M.get(name, ("", None))
-    for metric, value in error_numbers(found_m, truth_m).items():
-        fits = metric == MEAN_M and (kind, together) == (paper_kind, TOGETHER)
-        yield Record(name, metric, value, paper=paper_m if fits else None, condition=asked)
-    if together == TOGETHER:
-        for share, value in quantile_numbers(found_m, truth_m).items():
-            yield Record(name, WITHIN_M, value, condition=f"{share}, {kind}")
+    return Record(
+        name, MEAN_M, float(errors_m(found_m, truth_m).mean()),
+        paper=paper_m if kind == paper_kind else None, condition=f"{kind}, from {TOGETHER}",
+    )  # fmt: skip
 
 
 def _similarities(when: str, directions: F32) -> Iterator[Record]:
-    """Mean cosine between directions, of spot A and of all, and spot A's ELFs."""
+    """Mean cosine between the directions of spot A."""
     unit = directions / np.linalg.norm(directions, axis=2, keepdims=True)
     pairs = np.einsum("ska,sla->skl", unit, unit)[:, ~np.eye(4, dtype=bool)].mean(axis=1)
     spot, paper = int(SPOT_A * len(directions)), PAPER_SIMILARITY[when]
     yield Record(when, SIMILARITY, float(pairs[spot]), condition="spot A", paper=paper)
-    yield Record(when, SIMILARITY, float(pairs.mean()), condition="all spots")
-    for (direction, number), value in np.ndenumerate(unit[spot]):
-        row = f"{when}, direction {direction + 1}"
-        yield Record(row, "ELF", round(float(value), 3), condition=str(number + 1))

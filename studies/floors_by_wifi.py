@@ -274,7 +274,6 @@ def records_of(
     said = Counter(answers)
     either = {status: said[status, True] + said[status, False] for status in Found}
     counts = {
-        "right floor first (%)": sum(right for _, right in answers),
         "OK and right (%)": said[Found.OK, True],
         "OK and wrong (%)": said[Found.OK, False],
         "ambiguous (%)": either[Found.AMBIGUOUS],
@@ -282,7 +281,6 @@ def records_of(
     }
     condition = f"{scans} scan{'s' if scans > 1 else ''}"
     record = replace(of, method=method, condition=condition)
-    yield replace(record, metric="questions", value=float(len(answers)))
     for metric, count in counts.items():
         yield replace(record, metric=metric, value=100 * count / len(answers))
 

@@ -15,7 +15,7 @@ import numpy as np
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64
 from elfslam.base.values import Recording, Truth
-from elfslam.scoring.errors import Alignment, match, place, placement
+from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.stages.feature import Encoder, SpectralEncoder, load_encoder
 from elfslam.world.simulate import load_world
@@ -83,9 +83,7 @@ def grown(recording: Recording, encoder: Encoder, closure: dict[str, object]) ->
 
 def error_m(t_s: F64, poses: F64, truth: Truth) -> float:
     """The median distance of footsteps from where they were, after the best rigid fit."""
-    matched = match(t_s, poses, truth)
-    placed = place(matched.estimate, placement(matched, Alignment.ALIGNED))
-    return float(np.median(np.linalg.norm(placed[:, :2] - matched.truth[:, :2], axis=1)))
+    return float(np.median(position_errors(t_s, poses, truth, Alignment.ALIGNED)))
 
 
 STUDY = Study(

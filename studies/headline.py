@@ -35,9 +35,9 @@ from studies.located import (
     mapped_walk,
     stranger,
 )
-from studies.mapping import CALIBRATED, MEDIAN_ALIGNED, trajectory_errors, walkers
+from studies.mapping import CALIBRATED, trajectory_errors, walkers
 from studies.results import Record
-from studies.study import StudyContext, finished
+from studies.study import MEDIAN_ALIGNED, StudyContext, finished
 
 SLACK = 1.5
 """A limit is the expected figure times this: a figure twice as bad is above it."""

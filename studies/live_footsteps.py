@@ -39,9 +39,7 @@ SAME_S = 0.15
 class Apart:
     """How a live walk differs from the whole one."""
 
-    footsteps: int
     missed: int
-    extra: int
     time_s: F64
     length_share: F64
     turn_rad: F64
@@ -88,9 +86,7 @@ def apart(imu: Imu, whole: Odometry, parameters: MotionParameters) -> Apart:
     length_m, live_m = (np.hypot(each[:, 0], each[:, 1]) for each in (moves, live))
     found = abs(t_s[None] - wanted_s[:, None]).min(axis=1) < SAME_S
     return Apart(
-        footsteps=len(wanted_s),
         missed=int((~found).sum()),
-        extra=int((abs(off_s) >= SAME_S).sum()),
         time_s=off_s[1:][same],
         length_share=(live_m / length_m - 1)[same],
         turn_rad=(live[:, 2] - moves[:, 2])[same],
@@ -109,16 +105,11 @@ def numbers(walks: Sequence[Apart]) -> dict[str, float]:
 
     turned_rad = np.array([walk.turn_rad.sum() for walk in walks])
     return {
-        "footsteps": float(sum(walk.footsteps for walk in walks)),
         "missed footsteps": float(sum(walk.missed for walk in walks)),
-        "extra footsteps": float(sum(walk.extra for walk in walks)),
         "time, rms (ms)": 1000 * rms(all_of("time_s")),
         "step length, rms (%)": 100 * rms(all_of("length_share")),
-        "step length, mean (%)": 100 * float(all_of("length_share").mean()),
-        "turn of a step, rms (deg)": float(np.degrees(rms(all_of("turn_rad")))),
         "turn of the walk, rms (deg)": float(np.degrees(rms(turned_rad))),
         "age when given, median (s)": float(np.median(all_of("late_s"))),
-        "age when given, 95 % (s)": float(np.quantile(all_of("late_s"), 0.95)),
     }
 
 

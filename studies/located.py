@@ -134,25 +134,19 @@ def fix_numbers(
     alone, as the covariances have it (`NEES`, 2 where they are right). By metric, as records name
     them; empty lists give NaN.
     """
-    numbers: dict[str, float] = {}
-    for name, alignment in (("", Alignment.ALIGNED), (", anchored", Alignment.ANCHORED)):
-        world_from_map = _map_in_world(trajectory, mapped, alignment)
-        status, errors = fix_distances(fixes, other, world_from_map)
-        summary = summarise(errors[status == FixStatus.OK])
-        numbers |= {
-            f"median error{name} (m)": summary.median_m,
-            f"mean error{name} (m)": summary.mean_m,
-            f"third quartile{name} (m)": summary.q3_m,
-        }  # fmt: skip
-        if alignment is Alignment.ALIGNED:
-            right = errors[status == FixStatus.OK]
-            numbers |= {
-                "answered": float(np.mean(status == FixStatus.OK)),
-                "ambiguous": float(np.mean(status == FixStatus.AMBIGUOUS)),
-                OVER_1_M: float(np.mean(right > GROSS_M)) if len(right) else float("nan"),
-            }
-    numbers["NEES"] = _nees(fixes, other, _map_in_world(trajectory, mapped, Alignment.ANCHORED))
-    return numbers
+    status, errors = fix_distances(
+        fixes, other, _map_in_world(trajectory, mapped, Alignment.ALIGNED)
+    )
+    answered = errors[status == FixStatus.OK]
+    summary = summarise(answered)
+    return {
+        MEDIAN_M: summary.median_m,
+        "mean error (m)": summary.mean_m,
+        "third quartile (m)": summary.q3_m,
+        "answered": float(np.mean(status == FixStatus.OK)),
+        OVER_1_M: float(np.mean(answered > GROSS_M)) if len(answered) else float("nan"),
+        "NEES": _nees(fixes, other, _map_in_world(trajectory, mapped, Alignment.ANCHORED)),
+    }
 
 
 def world_from_map(mapped: Mapped) -> F64:

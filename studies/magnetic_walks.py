@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from elfslam.base.arrays import F64
 from elfslam.base.geometry import between, interpolate_poses, wrap_angle
@@ -21,17 +19,15 @@ from elfslam.baselines.magnetic import (
     field_profile,
     magnetic_similarity,
 )
-from elfslam.data.magnetic import CAMERA_FROM_DEVICE, OdometryError, read_magnetic
+from elfslam.data.magnetic import OdometryError
 from elfslam.scoring.errors import Alignment, interval, position_errors
 from elfslam.stages.closure import ClosureParameters, find_closures
 from elfslam.stages.graph import GraphParameters, build_graph, optimise
 from elfslam.stages.motion import nodes_by_distance
-from studies.results import Record, seeds_text
-from studies.study import Study, StudyContext
+from studies.results import Record
 
 AS_STATED = GraphParameters(noise_rounds=0)
 """How noisy the odometry is, is known exactly: this study drifts it."""
-SETS = ("library", "square", "eight", "mall")
 SEEDS = (0, 1, 2, 3, 4)
 """Drifts that are reported; parameters were chosen on seeds from 101 on."""
 PAPERS_DRIFT = OdometryError(
@@ -47,10 +43,8 @@ CLOSURES = replace(
 """This odometry is exact to a centimetre a sample, and closures along a line share most of their
 field and so their error: each is trusted far less than it is exact."""
 PAPER_RMSE_M = {"library": 0.30, "square": 0.10, "eight": 0.10, "mall": 1.02}
-PAPER_S = {"library": 138.0, "square": 66.0, "eight": 10.0}
-"""Their program on the same input: median error over drifts, and its time."""
-RECKONED, MAPPED = "dead reckoning", "magnetic"
-RMSE, SECONDS = "RMSE, aligned (m)", "time (s)"
+"""Their program on the same input: median error over drifts."""
+RECKONED, RMSE = "dead reckoning", "RMSE, aligned (m)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,41 +56,6 @@ class Seen:
     nodes: Odometry
     similarity: Similarity
     profile: FieldProfile
-
-
-def measure_magnetic_walks(
-    context: StudyContext, *, sets: Sequence[str] = SETS, seeds: Sequence[int] = SEEDS
-) -> list[Record]:
-    """Errors of drifted odometry and of the map, by how the phone is levelled (the condition).
-
-    Medians over the drifts; `paper` is what the authors' program makes of the same input.
-    """
-    assert context.data is not None
-    found: list[Record] = []
-    for k, name in enumerate(sets):
-        context.announce(name, k / len(sets))
-        file = context.data / "magnetic" / f"{name}.mat"
-        walks = [read_magnetic(file, np.random.default_rng(seed), PAPERS_DRIFT) for seed in seeds]
-        of = Record(RECKONED, RMSE, 0.0, world=name, seeds=seeds_text(seeds))
-        drifted = [
-            rmse_m(walk.odometry.t_s, walk.odometry.world_from_body, truth)
-            for walk, truth in walks if walk.odometry is not None
-        ]  # fmt: skip
-        found.append(median_of(of, drifted))
-        for levelled, orientation_of in LEVELLINGS.items():
-            errors, seconds = [], []
-            for recording, truth in walks:
-                begun_s = time.perf_counter()
-                seen = see(recording, truth, orientation_of(recording))
-                poses = mapped(seen, CLOSURES, AlignmentParameters())
-                seconds.append(time.perf_counter() - begun_s)
-                errors.append(rmse_m(seen.nodes.t_s, poses, truth))
-            of = replace(of, method=MAPPED, condition=levelled)
-            found += [
-                median_of(replace(of, paper=PAPER_RMSE_M[name]), errors),
-                median_of(replace(of, metric=SECONDS, paper=PAPER_S.get(name)), seconds),
-            ]
-    return found
 
 
 def median_of(of: Record, values: Sequence[float]) -> Record:
@@ -124,21 +83,6 @@ def mapped(seen: Seen, closing: ClosureParameters, aligning: AlignmentParameters
     closures = align_closures(found, seen.nodes, seen.profile, aligning)
     graph = build_graph(seen.nodes, closures)
     return optimise(graph, seen.nodes.t_s, AS_STATED).world_from_body
-
-
-def held_upright(recording: Recording) -> Orientation:
-    """One attitude for the whole walk, camera level: what is known without roll and pitch."""
-    assert recording.odometry is not None
-    world_from_camera = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    attitude = Rotation.from_matrix(world_from_camera) * Rotation.from_quat(CAMERA_FROM_DEVICE)
-    return Orientation(recording.odometry.t_s[[0, -1]], np.tile(attitude.as_quat(), (2, 1)))
-
-
-LEVELLINGS: dict[str, Callable[[Recording], Orientation | None]] = {
-    "levelled by roll and pitch": lambda recording: recording.orientation,
-    "not levelled": held_upright,
-    "strength only": lambda recording: None,
-}
 
 
 def honest(odometry: Odometry) -> Odometry:
@@ -246,9 +190,3 @@ def _chord(walked_m: F64, poses: F64, at_m: F64, way: F64, chord_m: float) -> F6
     ends = [interpolate_poses(walked_m, poses, at_m + way * side * chord_m) for side in (-1, 1)]
     move = ends[1] - ends[0]
     return np.asarray(np.arctan2(move[:, 1], move[:, 0]))
-
-
-STUDY = Study(
-    "How well does the magnetic field alone close the loops of published walks?",
-    measure_magnetic_walks, minutes=1, data=("magnetic",), fast={"sets": ("eight",)},
-)  # fmt: skip

@@ -16,7 +16,6 @@ from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import Truth
 from elfslam.baselines.floor_walks import (
     FloorParameters,
-    FloorTurn,
     FloorWalk,
     floor_turn,
     floor_walk,
@@ -46,7 +45,6 @@ STATISTICS: Mapping[str, Callable[[F64], float]] = {
     "mean error (m)": lambda errors: float(np.mean(errors)),
     "third quartile (m)": lambda errors: float(np.quantile(errors, 0.75)),
 }
-TWO_SIGMA = 1.96
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,15 +68,11 @@ def measure_mall_floor(
         walks = surveyed_walks(archive_of(context.data, floor), most_walks)
         turn = floor_turn(walks, parameters)
         walks = [turned(walk, turn.turn_rad) for walk in walks]
-        records += _of_the_floor(floor, walks, turn)
         for k, method in enumerate(METHODS):
             context.announce(f"{floor}: {method}", k / len(METHODS))
-            poses, found = _solved(walks, METHODS[method])
+            poses = _solved(walks, METHODS[method])
             errors = [waypoint_errors(*pair) for pair in zip(walks, poses, strict=True)]
             records += error_records(floor, method, errors)
-            share = Record(method, "walks with a closure to another", found, world=floor,
-                           condition=use_of(floor))  # fmt: skip
-            records += [share] if METHODS[method] else []
     return records
 
 
@@ -95,19 +89,6 @@ def error_records(floor: str, method: str, errors: Sequence[F64]) -> Iterator[Re
                      condition=use_of(floor))  # fmt: skip
 
 
-def _of_the_floor(floor: str, walks: Sequence[SurveyedWalk], turn: FloorTurn) -> Iterator[Record]:
-    """How many walks there are, and by what angle the floor lies turned against the compass."""
-    turn_deg, sigma_deg = np.rad2deg(turn.turn_rad), TWO_SIGMA * np.rad2deg(turn.sigma_rad)
-    numbers = {
-        "walks": (len(walks), None, None),
-        "waypoints": (sum(len(walk.truth.t_s) - 1 for walk in walks), None, None),
-        "turn (degrees)": (turn_deg, turn_deg - sigma_deg, turn_deg + sigma_deg),
-    }
-    for metric, (value, low, high) in numbers.items():
-        yield Record("floor", metric, float(value), low, high, world=floor,
-                     condition=use_of(floor))  # fmt: skip
-
-
 def surveyed_walks(archive: Path, most: int | None) -> list[SurveyedWalk]:
     """The walks of a floor with two waypoints or more, headed by their phones."""
     walks = [read_walk(path) for path in islice(walks_in(archive), most)]
@@ -120,12 +101,12 @@ def _surveyed(walk: Imported, truth: Truth) -> SurveyedWalk:
     return SurveyedWalk(known.recording, known.nodes, known.by_compass, truth)
 
 
-def _solved(walks: Sequence[SurveyedWalk], by: Sequence[Modality]) -> tuple[list[F64], float]:
-    """Poses of each walk, and the share of the walks with a closure to another."""
+def _solved(walks: Sequence[SurveyedWalk], by: Sequence[Modality]) -> list[F64]:
+    """Poses of each walk."""
     if not by:
-        return [walk.nodes.world_from_body for walk in walks], 0.0
-    trajectories, found = solved(walks, by, FloorParameters())
-    return [each.world_from_body for each in trajectories], found
+        return [walk.nodes.world_from_body for walk in walks]
+    trajectories, _ = solved(walks, by, FloorParameters())
+    return [each.world_from_body for each in trajectories]
 
 
 def waypoint_errors(walk: SurveyedWalk, poses: F64) -> F64:

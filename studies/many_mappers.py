@@ -10,7 +10,6 @@ import numpy as np
 from elfslam.app.settings import Settings
 from elfslam.base.enums import Mode
 from elfslam.base.values import Fixes, FixStatus, FloorMap, Trajectory, Truth
-from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.slam.merging import MappedWalk, MergeParameters, merge, walk_of
 from elfslam.slam.merging.grow import map_of
 from elfslam.slam.pipeline import map_by_echoes
@@ -20,11 +19,11 @@ from elfslam.world.simulate import load_world
 from studies.cached import at_its_start, extract_features, record_of, shipped, simulated_in
 from studies.localization import ALWAYS_ANSWERED, ANSWERED_ELSEWHERE, ELSEWHERE, ROUNDS, WORLDS
 from studies.located import Stranger, fix_numbers, located_in, stranger
-from studies.mapping import CALIBRATED, MEDIAN_ALIGNED, walkers
+from studies.mapping import CALIBRATED, walkers
 from studies.merging import MAP, WALKS, one_after_another
 from studies.plain_features import ALWAYS, ELF, compared_encoders
 from studies.results import Record, averaged
-from studies.study import Study, StudyContext, finished
+from studies.study import MEDIAN_ALIGNED, Study, StudyContext, finished, median_aligned_m
 from studies.taps import tapped
 
 SEEDS = tuple(range(10))
@@ -33,9 +32,9 @@ COUNTS = (1, 2, 5, 10)
 """Of those who map."""
 TAPS = (0, 4)
 """Places that each of them taps on the plan; without any they declare their start."""
-MAPPED_WAY, ACROSS = "on the mapped way", "across the mapped way"
-WAYS = (MAPPED_WAY, ACROSS)
+MAPPED_WAY = "on the mapped way"
 """Where query walks go, in lanes as those who map do."""
+MODES = (Mode.TRACK, Mode.ONE_SHOT)
 LAPS = 2
 """Of each who maps, every other one the opposite way round."""
 
@@ -100,25 +99,22 @@ def _measured(crowd: Crowd) -> list[Record]:
     asked: list[list[Record]] = []
     for seed in crowd.seeds:
         lost = stranger(elsewhere, seed, 1, kind=kind)
-        for way in WAYS:
-            other = stranger(world, seed, ROUNDS, kind=kind, on_mapped_way=way == MAPPED_WAY)
-            asked.append(
-                [
-                    _record(crowd, f"{_condition(crowd, count)}, {way}", *found)
-                    for count, made in maps.items()
-                    for found in _asked(made, other, lost)
-                ]
-            )
+        other = stranger(world, seed, ROUNDS, kind=kind, on_mapped_way=True)
+        asked.append(
+            [
+                _record(crowd, f"{_condition(crowd, count)}, {MAPPED_WAY}", *found)
+                for count, made in maps.items()
+                for found in _asked(made, other, lost)
+            ]
+        )
     return records + averaged(asked, crowd.seeds)
 
 
 def _map_records(crowd: Crowd, count: int, made: Map) -> Iterator[Record]:
     """The error of the map itself, and how many walks came into it."""
-    errors_m = position_errors(
-        made.walked.t_s, made.walked.world_from_body, made.truth, Alignment.ALIGNED
-    )
     condition = _condition(crowd, count)
-    yield _record(crowd, condition, MAP, MEDIAN_ALIGNED, float(np.median(errors_m)))
+    error_m = median_aligned_m(made.walked, made.truth)
+    yield _record(crowd, condition, MAP, MEDIAN_ALIGNED, error_m)
     yield _record(crowd, condition, MAP, WALKS, float(made.merged))
 
 
@@ -136,7 +132,7 @@ def _asked(made: Map, other: Stranger, lost: Stranger) -> Iterator[tuple[str, st
     for method, fixes in _fixes(made, other):
         found = fix_numbers(fixes, other.truth, made.walked, made.truth)
         yield from ((method, metric, value) for metric, value in found.items())
-    for mode in Mode:
+    for mode in MODES:
         status = located_in(made.floor_map, lost, mode, Settings()).status
         yield _method(mode), ANSWERED_ELSEWHERE, float(np.mean(status == FixStatus.OK))
 
@@ -191,7 +187,7 @@ def _merged(walks: Sequence[MappedWalk]) -> tuple[dict[str, Trajectory], FloorMa
 
 def _fixes(made: Map, other: Stranger) -> Iterator[tuple[str, Fixes]]:
     """By the pipeline in each mode; then by each feature, where the most similar spot is."""
-    for mode in Mode:
+    for mode in MODES:
         yield _method(mode), located_in(made.floor_map, other, mode, Settings())
     for feature, encoder in compared_encoders().items():
         features = extract_features(other.echoes, encoder)

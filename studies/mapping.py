@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from elfslam.app.settings import Settings, sense_of
-from elfslam.base.arrays import F64, Bool
+from elfslam.base.arrays import F64
 from elfslam.base.enums import Modality
 from elfslam.base.geometry import path_length_m
 from elfslam.base.values import (
@@ -58,7 +58,7 @@ from studies.cached import (
 from studies.curation import CurationParameters, curated_closures
 from studies.plain_features import CLOSURE_THRESHOLDS, ELF, closing_by, compared_encoders
 from studies.results import Record, seeds_text
-from studies.study import Study, StudyContext, per_walk
+from studies.study import MEDIAN_ALIGNED, Study, StudyContext, per_walk
 
 WORLDS = ("living_room", "office", "mall")
 SEEDS = tuple(range(10))
@@ -78,7 +78,6 @@ ALONE_THRESHOLD = 0.15
 """An encoder trained on one walk alone scores nothing as high as the shipped one does."""
 OTHERS = (Modality.MAGNETIC, Modality.EMR, Modality.WIFI)
 SENSORS = (Sensor.WIFI, Sensor.MAGNETIC, Sensor.EMR)
-MEDIAN_ALIGNED = "median error, aligned (m)"
 ALIGNED = (MEDIAN_ALIGNED, "mean error, aligned (m)", "third quartile, aligned (m)")
 PAPER_M: Mapping[str, Mapping[str, tuple[float, float, float]]] = {
     "ELF": {
@@ -234,7 +233,6 @@ def trajectory_errors(trajectory: Trajectory, truth: Truth) -> dict[str, float]:
     for name, where in {
         "declared start": AS_DECLARED,
         "aligned": placement(matched, Alignment.ALIGNED),
-        "aligned with scale": placement(matched, Alignment.ALIGNED_WITH_SCALE),
     }.items():
         poses = trajectory.world_from_body
         summary = summarise(placed_errors(trajectory.t_s, poses, truth, where))
@@ -248,22 +246,15 @@ def trajectory_errors(trajectory: Trajectory, truth: Truth) -> dict[str, float]:
 
 def _evidence(closures: Closures, trajectory: Trajectory, truth: Truth) -> dict[str, float]:
     """How right the closures were, found and accepted, and the sigmas of the trajectory."""
-    kept = trajectory.closure_weights > 0.5
     score = score_closures(closures, trajectory.t_s, truth)
     known = np.isfinite(score.distance_m)
     covered = trajectory_coverage(trajectory, truth, AS_DECLARED)
     return {
-        "closures": float(known.sum()),
-        "precision of closures": _share(score.right, known),
-        "precision of accepted closures": _share(score.right, known & kept),
+        "precision of closures": float(score.right[known].mean()) if known.any() else float("nan"),
         "within one sigma": covered.one_sigma,
         "within two sigma": covered.two_sigma,
         "NEES": covered.nees,
     }
-
-
-def _share(right: Bool, of: Bool) -> float:
-    return float(right[of].mean()) if of.any() else float("nan")
 
 
 # --- uncertainty ---

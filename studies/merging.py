@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -15,8 +14,8 @@ from elfslam.base.arrays import F64
 from elfslam.base.enums import Mode
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import FloorMap, Recording, Trajectory, Truth
-from elfslam.scoring.errors import Alignment, alignment_of, fix_errors, position_errors
-from elfslam.slam.merging import MappedWalk, MergeParameters, add_walk, merge, walk_of
+from elfslam.scoring.errors import alignment_of, fix_errors
+from elfslam.slam.merging import MappedWalk, MergeParameters, merge, walk_of
 from elfslam.slam.merging.grow import map_of
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.stages.locate import LocateParameters, locate_one_shot
@@ -25,12 +24,10 @@ from elfslam.world.room import fault_of_route
 from elfslam.world.simulate import load_world
 from elfslam.world.world_file import World
 from studies.cached import SCENARIOS, shipped, simulate
-from studies.localization_cost import map_bytes
 from studies.located import MEDIAN_M
-from studies.mapping import MEDIAN_ALIGNED
 from studies.plain_features import ELF
 from studies.results import Record, seeds_text
-from studies.study import Study, StudyContext, finished
+from studies.study import MEDIAN_ALIGNED, Study, StudyContext, finished, median_aligned_m
 
 WORLDS = ("living_room", "office", "mall")
 SEEDS = tuple(range(10))
@@ -147,7 +144,7 @@ def _outcome(pair: Pair) -> Record:
 
 
 def _growth(growth: Growth) -> Iterator[Record]:
-    """Errors of a map of some walks and of a query walk in it, its size, and one more walk's cost.
+    """Errors of a map of some walks and of a query walk in it.
 
     Where nothing was merged there is but one walk in the map.
     """
@@ -167,13 +164,9 @@ def _growth(growth: Growth) -> Iterator[Record]:
         query = f"{ELF}, {Mode.ONE_SHOT.value}"
         numbers = {
             (MAP, WALKS): float(len(trajectories)),
-            (MAP, MEDIAN_ALIGNED): _median_m(walked, true),
+            (MAP, MEDIAN_ALIGNED): median_aligned_m(walked, true),
             (query, MEDIAN_M): found.ok.median_m,
-            (query, "third quartile (m)"): found.ok.q3_m,
             (query, "answered"): found.coverage,
-            (MAP, "spots"): float(len(floor_map.xy_m)),
-            (MAP, "memory (MB)"): map_bytes(floor_map) / 1e6,
-            (MAP, "one more walk (s)"): _adding_s(floor_map, asked),
         }
     for (method, metric), value in numbers.items():
         if np.isfinite(value):
@@ -190,17 +183,6 @@ def _map_of(
         return [walk.name], [walk.trajectory], map_of(walk, walk.trajectory, MergeParameters())
     made = merge(walks, MergeParameters()).maps
     return (made[0].names, made[0].trajectories, made[0].floor_map) if made else None
-
-
-def _median_m(walked: Trajectory, true: Truth) -> float:
-    errors_m = position_errors(walked.t_s, walked.world_from_body, true, Alignment.ALIGNED)
-    return float(np.median(errors_m))
-
-
-def _adding_s(floor_map: FloorMap, walk: MappedWalk) -> float:
-    began_s = time.perf_counter()
-    add_walk(floor_map, walk, MergeParameters())
-    return time.perf_counter() - began_s
 
 
 # --- walks ---

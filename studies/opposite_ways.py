@@ -23,10 +23,8 @@ from studies.floor_spots import (
     SPACING_M,
     SUPERIMPOSED,
     TOGETHER,
-    WITHIN_M,
-    error_numbers,
+    errors_m,
     fixes_m,
-    quantile_numbers,
 )
 from studies.mapping import CALIBRATED, walkers
 from studies.results import Record
@@ -75,12 +73,11 @@ def measure_ways(task: Ways, folder: Path, announce: Announce) -> list[Record]:
         both = [replace(walk, poses=walk.truth) for walk in walks] if placed == TRUE else walks
         learnt = _learnt(task, both, shipped, folder / placed, announce)
         for name, xy_m, vectors, encoder in _maps(both, shipped, learnt):
-            found = fixes_m(walk_vectors(samples, encoder), TOGETHER, vectors, xy_m)
-            for each in record_of(task, name, placed).each(error_numbers(found, places_m)):
-                fits = each.metric == MEDIAN_M and placed == MAPPED
-                records.append(replace(each, paper=PAPER_M.get(name) if fits else None))
-            for share, value in quantile_numbers(found, places_m).items():
-                records += record_of(task, name, f"{share}, {placed}").each({WITHIN_M: value})
+            found = fixes_m(walk_vectors(samples, encoder), vectors, xy_m)
+            median_m = float(np.median(errors_m(found, places_m)))
+            paper_m = PAPER_M.get(name) if placed == MAPPED else None
+            of = replace(record_of(task, name, placed), metric=MEDIAN_M, paper=paper_m)
+            records.append(replace(of, value=median_m))
     off_m = [np.linalg.norm((walk.poses - walk.truth)[:, :2], axis=1) for walk in walks]
     map_m = float(np.median(np.concatenate(off_m)))
     return [*records, *record_of(task, "maps", MAPPED).each({MEDIAN_M: map_m})]

@@ -55,10 +55,10 @@ from studies.located import (
     located,
     stranger,
 )
-from studies.mapping import ALONE, CALIBRATED, MEDIAN_ALIGNED, trajectory_errors, walkers
+from studies.mapping import ALONE, CALIBRATED, trajectory_errors, walkers
 from studies.plain_features import ALWAYS, PLAIN, compared_encoders
 from studies.results import Record
-from studies.study import Study, StudyContext, per_walk
+from studies.study import MEDIAN_ALIGNED, Study, StudyContext, per_walk
 
 WORLDS = ("living_room", "office", "mall")
 SEEDS = tuple(range(5))

@@ -47,7 +47,7 @@ VOLUMES = (1.0, 0.8, 0.6, 0.4, 0.2)
 PHONES = ("simulated phone", "flat", "cheap", "tablet", "bottom-fired", "rippled")
 MOVED = "moved"
 MEAN_M, ANSWERED = "mean error (m)", "answered"
-METRICS = (MEDIAN_M, MEAN_M, "third quartile (m)", ANSWERED, "ambiguous", OVER_1_M)
+METRICS = (MEDIAN_M, MEAN_M, ANSWERED, OVER_1_M)
 METHODS = {mode: f"{ELF}, {mode.value}" for mode in Mode}
 PAPER_M: Mapping[tuple[str, str, str, str], float] = {
     (world, METHODS[mode], metric, condition): error_m

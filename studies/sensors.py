@@ -61,12 +61,12 @@ def measure_sensors(context: StudyContext, *, walks: int = 6, mall_walks: int = 
     context.announce("reading the mall walks", None)
     records: list[Record] = []
     if context.data is not None:
-        real = statistics(list(_mall(context.data, mall_walks)))
+        real = statistics(list(mall_floors(context.data, mall_walks)))
         records += _records(real, Record("measured", world="mall"))
     context.announce("simulating walks", None)
     for walker, scenario in SCENARIO_OF.items():
         for place, worlds in (("rooms", list(map(load_world, ROOMS))), ("hall", [hall()])):
-            found = statistics([_simulated(world, walks, walker) for world in worlds])
+            found = statistics([simulated_floor(world, walks, walker) for world in worlds])
             of = Record("simulated", world=place, scenario=scenario,
                         seeds=seeds_text(range(walks)))  # fmt: skip
             records += _records(found, of)
@@ -122,7 +122,8 @@ def statistics(floors: Sequence[Floor]) -> Statistics:
     }
 
 
-def _simulated(world: World, walks: int, kind: str) -> Floor:
+def simulated_floor(world: World, walks: int, kind: str) -> Floor:
+    """So many walks by a walker of a kind, with the truth as surveyors give it."""
     sensors, rounds = (Sensor.WIFI, Sensor.MAGNETIC), 1 if world.name == "hall" else 4
     floor = []
     for seed in range(walks):
@@ -133,7 +134,8 @@ def _simulated(world: World, walks: int, kind: str) -> Floor:
     return floor
 
 
-def _mall(data: Path, count: int) -> Iterator[Floor]:
+def mall_floors(data: Path, count: int) -> Iterator[Floor]:
+    """The first walks of each floor of the mall. Raises InputError without them."""
     archives = sorted((data / "mall_walks").glob("*.tar.xz"))
     if not archives:
         raise InputError(f"{data}: holds no mall_walks/*.tar.xz; wanted the real mall walks")

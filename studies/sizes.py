@@ -4,7 +4,8 @@
 
 The package by its pieces: rooms (`studies` is one), floors, arrows (a room that imports another),
 files and lines, share of import lines, own names imported, and modules of the pages. Then studies,
-tests, words of docs, and decimals typed by hand: outside code, and outside rendered blocks.
+tests, words of docs (all, and those written outside rendered blocks), and decimals typed by hand:
+outside code, and outside rendered blocks.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from pathlib import Path
 from statistics import median
 
 from elfslam.app.console import print_rows
-from studies.render import BLOCK
+from studies.render import BLOCK, SUMMARY
 from studies.results import ROOT
 
 STUDIES = "studies"
@@ -57,6 +58,7 @@ def sizes(root: Path) -> dict[str, float]:
         "lines of studies": sum(map(_lines, (root / STUDIES).rglob("*.py"))),
         "lines of tests": sum(map(_lines, (root / "tests").rglob("*.py"))),
         "words of docs": sum(len(file.read_text("utf-8").split()) for file in docs),
+        "written words of docs": sum(len(_written(file).split()) for file in docs),
         "decimals typed in README and explanation": sum(map(_typed_decimals, explained)),
         "results": sum(_lines(file) - 1 for file in results),
     }
@@ -103,7 +105,12 @@ def _floor(room: Path) -> str:
 
 
 def _typed_decimals(page: Path) -> int:
-    return len(DECIMAL.findall(CODE.sub("", BLOCK.sub("", page.read_text("utf-8")))))
+    return len(DECIMAL.findall(CODE.sub("", _written(page))))
+
+
+def _written(page: Path) -> str:
+    """A page without what is rendered into it."""
+    return SUMMARY.sub("", BLOCK.sub("", page.read_text("utf-8")))
 
 
 def _lines(file: Path) -> int:

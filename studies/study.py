@@ -12,13 +12,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
-from statistics import mean
+from statistics import mean, median
 from typing import Any, TypeVar
 
 from elfslam.app.workers import SerialWorkers, Workers, unit_key
 from elfslam.base.errors import InputError, StoreError
-from elfslam.base.values import Announce, silent
+from elfslam.base.values import Announce, Trajectory, Truth, silent
 from elfslam.data.atomic_files import replaced_file
+from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.world.kinds import Kind
 from studies.cached import SimulatedWalk
 from studies.results import Record, averaged
@@ -28,6 +29,7 @@ EXTRAS: Mapping[str, str] = {
     "ray": "scale",
 }  # fmt: skip
 """By module that a study may need what brings it."""
+MEDIAN_ALIGNED = "median error, aligned (m)"
 
 
 @dataclass(frozen=True)
@@ -183,3 +185,9 @@ def per_walk(
     """The means over seeds of what `measure` makes of a walk in each world."""
     walks = [SimulatedWalk(world, seed, rounds, kind.name) for world in worlds for seed in seeds]
     return averaged(finished(measure, walks, context), seeds)
+
+
+def median_aligned_m(mapped: Trajectory, truth: Truth) -> float:
+    """The median error of a map that is laid on the truth as well as it can be."""
+    poses = mapped.world_from_body
+    return float(median(position_errors(mapped.t_s, poses, truth, Alignment.ALIGNED)))

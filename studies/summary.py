@@ -10,10 +10,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from studies.mapping import CALIBRATED, MEDIAN_ALIGNED
+from studies.mapping import CALIBRATED
 from studies.plain_features import ELF, LOG, PLAIN, ROOT
 from studies.render import DASH, figure_text
 from studies.results import RESULTS, Result, read_results
+from studies.study import MEDIAN_ALIGNED
 
 PLACES = ("living_room", "office", "mall")
 SCENARIOS = {"surveyor": "surveyor", "pedestrian": "pedestrians"}

@@ -9,24 +9,23 @@ import numpy as np
 
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import Checkpoints, Trajectory, Truth
-from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.stages.checkpoints import lies_on_plan
 from elfslam.world.kinds import PEOPLE, Kind, kind_named
 from studies.cached import SimulatedWalk, at_its_start, record_of, shipped, simulated
 from studies.localization import SEEDS, WORLDS
 from studies.located import MAPPING_ROUNDS
-from studies.mapping import CALIBRATED, MEDIAN_ALIGNED, walkers
+from studies.mapping import CALIBRATED, walkers
 from studies.plain_features import ELF
 from studies.results import Record
-from studies.study import Study, StudyContext, per_walk
+from studies.study import MEDIAN_ALIGNED, Study, StudyContext, median_aligned_m, per_walk
 
 TAPS = (0, 2, 4, 8)
 """Without any the walker declares where the walk begins."""
 GOLDEN = 0.5 * (5**0.5 - 1)
 """Times at multiples of this share of a walk are at different places of its rounds."""
 TAP_SIGMA_M = 0.3
-IN_FRAME, ON_PLAN = "median error, in its frame (m)", "on the plan"
+IN_FRAME = "median error, in its frame (m)"
 """A map that its taps do not turn is on no plan, and has no error in its frame."""
 
 
@@ -64,8 +63,7 @@ def _measured(walk: SimulatedWalk) -> list[Record]:
         on_plan = told is None or lies_on_plan(told, run.trajectory, settings.checkpoint)
         numbers = {
             IN_FRAME: _in_frame_m(run.trajectory, truth) if on_plan else float("nan"),
-            MEDIAN_ALIGNED: _aligned_m(run.trajectory, truth),
-            ON_PLAN: float(on_plan),
+            MEDIAN_ALIGNED: median_aligned_m(run.trajectory, truth),
         }
         records += record_of(walk, ELF, f"{taps} taps").each(numbers)
     return records
@@ -75,11 +73,6 @@ def _in_frame_m(mapped: Trajectory, truth: Truth) -> float:
     """The median error as the map lies."""
     true = interpolate_poses(truth.t_s, truth.world_from_body, mapped.t_s)
     return float(np.median(np.linalg.norm((mapped.world_from_body - true)[:, :2], axis=1)))
-
-
-def _aligned_m(mapped: Trajectory, truth: Truth) -> float:
-    errors_m = position_errors(mapped.t_s, mapped.world_from_body, truth, Alignment.ALIGNED)
-    return float(np.median(errors_m))
 
 
 STUDY = Study(

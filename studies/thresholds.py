@@ -28,10 +28,10 @@ from studies.cached import (
     extract_features,
     simulated,
 )
-from studies.mapping import CALIBRATED, MEDIAN_ALIGNED, trajectory_errors, walkers
+from studies.mapping import CALIBRATED, walkers
 from studies.plain_features import compared_encoders
 from studies.results import Record, averaged, seeds_text
-from studies.study import Study, StudyContext, finished
+from studies.study import MEDIAN_ALIGNED, Study, StudyContext, finished, median_aligned_m
 
 WORLDS = ("studio", "lounge", "concourse")
 """For development; nothing is reported in them."""
@@ -89,7 +89,7 @@ def _measured(walk: SimulatedWalk, thresholds: Sequence[float]) -> list[Record]:
 
 def _median_m(nodes: Odometry, closures: Closures, truth: Truth, known: Settings) -> float:
     trajectory = optimise(build_graph(nodes, closures), nodes.t_s, known.graph)
-    return trajectory_errors(trajectory, truth)[MEDIAN_ALIGNED]
+    return median_aligned_m(trajectory, truth)
 
 
 def _ratios(walks: Sequence[Sequence[Record]], seeds: Sequence[int]) -> list[Record]:

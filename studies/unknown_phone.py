@@ -162,7 +162,7 @@ def _features(encoder: OnnxEncoder, walk: PhoneWalk) -> Features:
 def _fixes(features: Features, floor_map: FloorMap) -> F64:
     whole = len(features.vectors) // TOGETHER * TOGETHER
     spots = floor_map.payloads[0].vectors
-    return fixes_m(features.vectors[:whole], TOGETHER, spots, floor_map.xy_m)
+    return fixes_m(features.vectors[:whole], spots, floor_map.xy_m)
 
 
 def _middles(walk: PhoneWalk) -> F64:

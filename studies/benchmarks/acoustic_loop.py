@@ -166,10 +166,6 @@ class Room:
         self._process.stdin.write("go\n")
         self._process.stdin.flush()
 
-    def hush(self) -> None:
-        """From now on the room is silent."""
-        self._process.terminate()
-
     def begun_s(self) -> float:
         """When that chirp was played, on the clock of time.monotonic. Waits for it."""
         assert self._process.stdout is not None

@@ -167,8 +167,6 @@ def walk_in_browser(page: Page, address: str, course: Course, room: Any, name: s
     sensors.read(course.imu, 0.0)
     page.click("#allow")
     _move_until(page, sensors, course, lambda: page.is_visible("#go-on"), 60.0)
-    said = page.inner_text("#probe-said")
-    print("probe:", said, flush=True)
     page.click("#go-on")
     page.fill("#walk-name", name)
     with metronome() as held_up_s:

@@ -4,24 +4,21 @@ from __future__ import annotations
 
 import base64
 import json
-import os
 import socket
 import ssl
 import subprocess
 import sys
-import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import httpx
 
 from elfslam.serve.settings import PAGES_FOLDER
 
-Answer = TypeVar("Answer")
 NO_LIMITS: Mapping[str, float] = {}
 START = """
 import json, sys; from pathlib import Path
@@ -35,7 +32,6 @@ settings = ServerSettings(
 run(settings, Listening("127.0.0.1", told["port"], plain_http=told["speaks"] == "http"), print)
 """
 COMMAND = (sys.executable, "-c", "from elfslam.cli import main; main()", "serve", "--http")
-TICKS = os.sysconf("SC_CLK_TCK")
 TUS = {"Tus-Resumable": "1.0.0"}
 PIECE = {**TUS, "Content-Type": "application/offset+octet-stream"}
 PATIENCE_S = 180.0
@@ -68,14 +64,6 @@ class Served:
             base_url=self.url, headers=self.bearer, verify=self.trusted, timeout=PATIENCE_S
         )
 
-    def while_asked(self, ask: Callable[[], Answer]) -> tuple[Answer, dict[str, object]]:
-        """What comes of asking; the server's share of a core meanwhile, and its most memory."""
-        used_s, begin_s = processor_s(self.process.pid), time.perf_counter()
-        answer = ask()
-        share = (processor_s(self.process.pid) - used_s) / (time.perf_counter() - begin_s)
-        memory_mib = round(peak_mib(self.process.pid))
-        return answer, {"of one core": f"{share:.0%}", "memory MiB": memory_mib}
-
     def kill(self) -> None:
         """End it as `kill -9` does."""
         self.process.kill()
@@ -98,12 +86,11 @@ def command(
     return [sys.executable, "-c", START, json.dumps(told)]
 
 
-def start(data: Path, *, quiet: bool = False, **how: Any) -> Served:
+def start(data: Path, **how: Any) -> Served:
     """A server of a data folder, as `command` has it, once it listens."""
     told = data / "authority" / "url"
     told.unlink(missing_ok=True)
-    errors = subprocess.DEVNULL if quiet else None
-    process = subprocess.Popen(command(data, **how), stdout=subprocess.DEVNULL, stderr=errors)
+    process = subprocess.Popen(command(data, **how), stdout=subprocess.DEVNULL)
     until_s = time.monotonic() + PATIENCE_S
     while not told.is_file():
         if process.poll() is not None or time.monotonic() > until_s:
@@ -112,17 +99,6 @@ def start(data: Path, *, quiet: bool = False, **how: Any) -> Served:
         time.sleep(0.01)
     token = (data / "authority" / "owner.token").read_text().strip()
     return Served(process, told.read_text().strip(), token, data)
-
-
-@contextmanager
-def started(**how: Any) -> Iterator[Served]:
-    """A server of a new data folder, as long as the block lasts."""
-    with tempfile.TemporaryDirectory() as folder:
-        served = start(Path(folder) / "data", **how)
-        try:
-            yield served
-        finally:
-            served.kill()
 
 
 @contextmanager
@@ -151,21 +127,6 @@ def free_port() -> int:
     with socket.socket() as found:
         found.bind(("127.0.0.1", 0))
         return int(found.getsockname()[1])
-
-
-def processor_s(process: int) -> float:
-    """Processor time of a process so far, and of its children that have ended."""
-    try:
-        cells = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-    except (FileNotFoundError, ProcessLookupError):
-        return 0.0
-    return sum(map(int, cells[11:15])) / TICKS
-
-
-def peak_mib(process: int) -> float:
-    """The most memory that a process had."""
-    lines = Path(f"/proc/{process}/status").read_text().splitlines()
-    return next(int(line.split()[1]) / 1024 for line in lines if line.startswith("VmHWM"))
 
 
 def metadata(**told: str) -> str:

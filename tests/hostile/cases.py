@@ -123,7 +123,7 @@ class Tally:
     peak_bytes: int = 0
     faults: list[str] = field(default_factory=list)
 
-    def extract_echoes(self, told: str, ended: Ended, faults: list[str]) -> None:
+    def count(self, told: str, ended: Ended, faults: list[str]) -> None:
         """Count one case."""
         self.cases += 1
         self.refused += ended.code == 2

@@ -42,12 +42,12 @@ def survives(step: int, do: Callable[[], object]) -> bool:
 
 
 @contextmanager
-def noticed(extract_echoes: Callable[[str], None]) -> Iterator[None]:
-    """`extract_echoes` the name of each step on the disk before it is taken."""
+def noticed(notice: Callable[[str], None]) -> Iterator[None]:
+    """`notice` the name of each step on the disk before it is taken."""
 
     def noting(name: str, do: Callable[..., Any]) -> Callable[..., Any]:
         def run(*arguments: Any, **named: Any) -> Any:
-            extract_echoes(name)
+            notice(name)
             return do(*arguments, **named)
 
         return run

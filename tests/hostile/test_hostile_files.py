@@ -46,7 +46,7 @@ def test_damaged_files_are_refused_in_a_line_or_done(
             copy = copied(base, target.given, Path(name))
             done = damaged(copy, chance)
             ended, faults = run(commands, target, copy, base, Path(name))
-        tally.extract_echoes(f"{target}, {done}, {number}", ended, faults)
+        tally.count(f"{target}, {done}, {number}", ended, faults)
 
     chosen = core.global_force_seed
     (tried if chosen is not None else seed(USUAL_SEED)(tried))()

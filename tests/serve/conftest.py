@@ -22,8 +22,8 @@ from elfslam.serve.services import Services, open_services
 from elfslam.serve.settings import PAGES_FOLDER, ServerSettings
 from elfslam.serve.store.tables import Map
 from elfslam.stages.feature import load_encoder
-from studies.benchmarks.own_postgresql import initdb, own_postgresql
 from studies.benchmarks.served import Served, start
+from tests.serve.own_postgresql import initdb, own_postgresql
 from tests.serve.planting import plant_files, plant_floor_map
 
 with warnings.catch_warnings():

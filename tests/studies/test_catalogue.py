@@ -1,11 +1,7 @@
-"""Studies by name: what they are told and need, which are stale, and that a kill costs little."""
+"""Studies by name: what they are told and need, which are stale, and that a run cut off goes on."""
 
 from __future__ import annotations
 
-import os
-import signal
-import subprocess
-import sys
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -28,9 +24,8 @@ from studies.catalogue import (
     stale_studies,
 )
 from studies.results import Record, commit_now, read_results, write_results
-from studies.study import SampledError, Study, StudyContext
+from studies.study import SampledError, Study, StudyContext, finished
 
-ROOT = Path(__file__).parents[2]
 MEDIAN = Record("ELF", "median error (m)", 0.25)
 
 
@@ -165,22 +160,23 @@ def test_every_study_says_what_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
         assert set(study.scenarios) <= set(SCENARIOS), name
 
 
-@pytest.mark.real
-def test_a_run_that_was_killed_twice_goes_on(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "studies", "all", "--only", "thresholds", "--fast",
-               "--out", str(tmp_path)]  # fmt: skip
-    environment = {**os.environ, "ELFSLAM_CACHE": str(tmp_path / "cache")}
-    kept = tmp_path / "thresholds.partial"
-    sizes = []
-    for _ in range(2):
-        with subprocess.Popen(command, cwd=ROOT, env=environment) as running:
-            seen = kept.stat().st_size if kept.exists() else 0
-            while running.poll() is None and (kept.stat().st_size if kept.exists() else 0) <= seen:
-                os.sched_yield()
-            running.send_signal(signal.SIGKILL)
-        sizes.append(kept.stat().st_size if kept.exists() else None)
-    subprocess.run(command, cwd=ROOT, env=environment, check=True)
-    assert not kept.exists()
-    assert sizes[0] is not None
-    scenarios = {each.scenario for each in read_results(tmp_path / "thresholds.csv")}
-    assert scenarios >= {"surveyor", "pedestrian"}
+def test_a_run_that_was_cut_off_goes_on(tmp_path: Path, planted: dict[str, Study]) -> None:
+    asked: list[int] = []
+
+    def repeat(task: int) -> list[Record]:
+        asked.append(task)
+        if asked == [1, 2]:
+            raise KeyboardInterrupt
+        return [replace(MEDIAN, value=float(task))]
+
+    def repeats(context: StudyContext) -> Iterable[Record]:
+        return [each for found in finished(repeat, [1, 2, 3], context) for each in found]
+
+    planted["gait"] = replace(GAIT, measure=repeats, fast={})
+    with pytest.raises(KeyboardInterrupt):
+        list(run_stale(("gait",), Choice(tmp_path), silent))
+    assert [path.name for path in tmp_path.iterdir()] == ["gait.partial"]
+    list(run_stale(("gait",), Choice(tmp_path), silent))
+    assert asked == [1, 2, 2, 3]
+    assert [each.value for each in read_results(tmp_path / "gait.csv")] == [1.0, 2.0, 3.0]
+    assert not (tmp_path / "gait.partial").exists()

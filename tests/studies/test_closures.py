@@ -31,18 +31,18 @@ def value(records: list[Record], method: str, condition: str, metric: str) -> fl
 
 def test_every_step_leaves_less_and_is_more_right(records: list[Record]) -> None:
     steps = ("ridges", "within the gate", "ratio test passed", ACCEPTED)
-    pairs, precision = (
+    recall, precision = (
         [value(records, SEQUENCE, step, metric) for step in steps]
-        for metric in ("pairs", "precision")
+        for metric in ("recall", "precision")
     )
-    assert pairs == sorted(pairs, reverse=True)
+    assert recall == sorted(recall, reverse=True)
     assert precision == sorted(precision)
     assert precision[-1] > 0.9
 
 
 def test_symmetry_drops_some_of_what_lies_on_lines(records: list[Record]) -> None:
-    on_lines = value(records, PAPER, "on a line in its slice", "pairs")
-    assert 0 < value(records, PAPER, "symmetric, one per line", "pairs") < on_lines
+    on_lines = value(records, PAPER, "on a line in its slice", "recall")
+    assert 0 < value(records, PAPER, "symmetric, one per line", "recall") < on_lines
 
 
 def test_sequences_may_be_accepted_whole_and_nearest_neighbours_not(records: list[Record]) -> None:

@@ -23,8 +23,7 @@ def test_turns_spoil_less_than_chirping_at_will() -> None:
         mapping_rounds=1,
     )  # fmt: skip
     found = {(each.method, each.metric): each.value for each in records}
-    spoiled, chirps, clean = "spoiled frames (%)", "chirps (1/s)", "clean chirps (1/s)"
+    spoiled, clean = "spoiled frames (%)", "clean chirps (1/s)"
     assert found["at will", spoiled] > 20
     assert found["in turns", spoiled] < 0.3 * found["at will", spoiled]
-    assert found["in turns", chirps] < found["at will", chirps]
     assert found["in turns", clean] > found["at will", clean]

@@ -87,12 +87,6 @@ def test_an_elf_knows_a_place_better_than_its_spectrum(found: list[Record]) -> N
     psd, elf = (value[method, "1 footstep", "AUC"] for method in ("PSD", "ELF"))
     assert elf > 0.97 > psd
     assert value["ELF", "8 footsteps", "AUC"] >= elf
-    for method in ("PSD", "ELF"):
-        same, elsewhere = (
-            value[method, "1 footstep", f"mean similarity, {where}"]
-            for where in ("same place", "elsewhere")
-        )
-        assert same > elsewhere - 0.02
 
 
 def test_what_the_study_gives_fits_on_a_card(found: list[Record], tmp_path: Path) -> None:
@@ -142,7 +136,6 @@ def test_walks_are_pooled_and_the_threshold_is_read() -> None:
     found = {each.metric: each for each in separation_records(walks, 0.4, OF)}
     assert found["recall at 0.4"].value == 0.75
     assert found["false positives at 0.4"].value == 0.125
-    assert found["mean similarity, same place"].value == pytest.approx(0.5, abs=0.001)
     recall = found["recall at 1 % false positives"]
     assert (recall.value, recall.low, recall.high, recall.world) == (0.75, 0.5, 1.0, "studio")
 

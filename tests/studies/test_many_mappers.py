@@ -8,9 +8,8 @@ from elfslam.base.values import Fixes
 from elfslam.world.kinds import QUIET
 from studies.located import MEDIAN_M
 from studies.many_mappers import MAPPED_WAY, STUDY, _most_similar, measure_many_mappers
-from studies.mapping import MEDIAN_ALIGNED
 from studies.merging import MAP, WALKS
-from studies.study import StudyContext
+from studies.study import MEDIAN_ALIGNED, StudyContext
 
 
 def test_both_walks_are_one_map_and_query_walks_are_found_in_it() -> None:

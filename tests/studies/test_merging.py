@@ -8,7 +8,6 @@ import pytest
 from elfslam.base.values import Trajectory, Truth
 from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.world.kinds import PEOPLE
-from studies.mapping import MEDIAN_ALIGNED
 from studies.merging import (
     APART,
     CHANGED,
@@ -35,7 +34,7 @@ from studies.merging import (
     truly_apart_m,
 )
 from studies.results import Record
-from studies.study import StudyContext
+from studies.study import MEDIAN_ALIGNED, StudyContext
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from studies.mapping import CALIBRATED, MEDIAN_ALIGNED
+from studies.mapping import CALIBRATED
 from studies.results import Result, write_results
+from studies.study import MEDIAN_ALIGNED
 from studies.summary import ANSWERED, MEDIAN, METHODS, PLACES, TASKS, TRACK, summary_table
 
 

@@ -25,18 +25,19 @@ pytestmark = pytest.mark.real
 @pytest.fixture(scope="module")
 def located(benchmark: Callable[[str], Any], tmp_path_factory: pytest.TempPathFactory) -> Any:
     """The walk as the page located it, its errors, and how many footsteps it had."""
-    page_place = benchmark("page_place")
-    course = page_place.plan_course(load_world(WORLD), SEED, ROUNDS)
+    course = benchmark("browser_walk").plan_course(load_world(WORLD), SEED, ROUNDS)
+    from tests.serve.pages.phone import located_walk
+
     folder = tmp_path_factory.mktemp("place")
-    address, world_in_map = page_place.prepared(WORLD, MAP_SEED, folder)
+    address, world_in_map = located_walk.prepared(WORLD, MAP_SEED, folder)
     for _ in range(ATTEMPTS):
-        placed = page_place.walk_once(course, address, "track", folder, SEED)
+        placed = located_walk.walk_once(course, address, folder, SEED)
         lost = np.mean(np.isin(placed.fixes.status, (FixStatus.NO_ECHO, FixStatus.SUSPECT)))
         if placed.heard_share >= HEARD and lost <= LOST:
             break
     if placed.heard_share < HEARD:
         pytest.skip(f"no sound in real time on this machine, {ATTEMPTS} times")
-    errors = page_place.errors_of(placed.fixes, course.truth, world_in_map)
+    errors = located_walk.errors_of(placed.fixes, course.truth, world_in_map)
     return placed, errors, course.motion.steps[-1]
 
 

@@ -1,4 +1,4 @@
-"""A PostgreSQL of one's own, for benchmarks and tests: it ends with the block."""
+"""A PostgreSQL of one's own: it ends with the block."""
 
 from __future__ import annotations
 
@@ -41,45 +41,30 @@ def initdb() -> str | None:
 
 
 @contextmanager
-def own_postgresql(kept: Path | None = None, **settings: str) -> Iterator[Postgresql]:
+def own_postgresql(**settings: str) -> Iterator[Postgresql]:
     """Starts it with its default settings but for those given; ends it at once afterwards.
 
-    Its data go with it, or lie in the folder `kept` for the next time. Raises SystemExit where it
-    is not installed.
+    Its data go with it. Raises SystemExit where it is not installed.
     """
     program = initdb()
     if program is None:
         raise SystemExit("PostgreSQL is not installed (Debian: apt-get install postgresql)")
     binaries, folder = Path(program).resolve().parent, tempfile.mkdtemp(prefix="pg")
     user = "postgres" if os.getuid() == 0 else None
-    if kept is not None:
-        kept.mkdir(parents=True, exist_ok=True)
-    for each in (folder, kept):
-        if user is not None and each is not None:
-            shutil.chown(each, user)
-    data = (kept or Path(folder)) / "data"
-    if not data.exists():
-        make = f"{binaries}/initdb -A trust -U elfslam -E UTF8 -D".split()
-        quiet = subprocess.DEVNULL
-        subprocess.run([*make, data], check=True, stdout=quiet, user=user, cwd=folder)
-    (data / "postmaster.pid").unlink(missing_ok=True)
-    more = [word for name, value in settings.items() for word in ("-c", f"{name}={value}")]
-    command: list[str | Path] = [
-        binaries / "postgres",
-        "-D",
-        data,
-        "-k",
-        folder,
-        "-c",
-        "listen_addresses=",
-        *more,
-    ]
+    if user is not None:
+        shutil.chown(folder, user)
+    data = Path(folder) / "data"
+    make = f"{binaries}/initdb -A trust -U elfslam -E UTF8 -D {data}".split()
+    subprocess.run(make, check=True, stdout=subprocess.DEVNULL, user=user, cwd=folder)
+    told = {"listen_addresses": "", **settings}
+    more = [word for name, value in told.items() for word in ("-c", f"{name}={value}")]
+    command = [binaries / "postgres", "-D", data, "-k", folder, *more]
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL, user=user, cwd=folder)
     try:
         _make_database(folder)
         yield Postgresql(process, folder)
     finally:
-        process.send_signal(signal.SIGQUIT if kept is None else signal.SIGINT)
+        process.send_signal(signal.SIGQUIT)
         process.wait()
         shutil.rmtree(folder)
 
