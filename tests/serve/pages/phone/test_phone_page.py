@@ -280,8 +280,7 @@ def test_a_walk_outlives_its_page(phone: Any, server: Any, heard: Heard, tmp_pat
     """Here in a browser without a file system of its own: the database keeps the bytes."""
     absent = "export async function openOpfsStore() { return null; }"
     phone.page.context.route(
-        "**/opfs_store.js",
-        lambda route: route.fulfill(body=absent, content_type="text/javascript"),
+        "**/opfs_store.js", lambda route: route.fulfill(body=absent, content_type="text/javascript")
     )
     phone.begin("Broken off")
     phone.walk(5)
