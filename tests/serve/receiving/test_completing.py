@@ -233,12 +233,12 @@ def test_a_file_that_must_wait_too_long_leaves_no_upload(
     async def refuse(*_: object) -> None:
         raise Problem(429, "others are being read")
 
-    monkeypatch.setattr(services.reading, "run", refuse)
     told = f"filename {base64.b64encode(b'walk.txt').decode()}"
     headers = {**PIECE, "Upload-Metadata": told, "Upload-Length": str(len(MALL))}
-    assert owner.post("/api/uploads", headers=headers, content=MALL).status_code == 429
-    assert list(services.settings.uploads_folder.iterdir()) == []
-    monkeypatch.undo()
+    with monkeypatch.context() as patch:
+        patch.setattr(services.reading, "run", refuse)
+        assert owner.post("/api/uploads", headers=headers, content=MALL).status_code == 429
+        assert list(services.settings.uploads_folder.iterdir()) == []
     sent(owner, "walk.txt", MALL.encode())
     assert len(owner.get("/api/recordings").json()) == 1
 
