@@ -68,10 +68,7 @@ def vectors_at(sound: np.ndarray, rate_hz: int) -> dict[str, object]:
         "chirp": chirp.samples.tolist(),
         "envelope": envelope_at(sound, rate_hz)[:6000].tolist(),
         "arrivals_s": (found.samples / RATES_HZ[0]).tolist(),
-        "baseband": {
-            "first": first,
-            "iq": baseband_by_definition(sound, rate_hz, first).tolist(),
-        },
+        "baseband": {"first": first, "iq": baseband_by_definition(sound, rate_hz, first).tolist()},
         "in_band": in_band(Audio(sound[None], rate_hz)).samples[0, :6000].tolist(),
     }
 
