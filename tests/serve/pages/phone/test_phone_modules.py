@@ -13,10 +13,9 @@ from scipy import signal
 from elfslam.base.values import Audio
 from elfslam.data.baseband import Baseband, in_band, read_baseband, to_baseband
 from elfslam.data.recordings import read_recording
-from elfslam.stages.chirp import ChirpParameters, make_chirp
+from elfslam.stages.chirp import ChirpParameters, describe_chirp, make_chirp
 from elfslam.stages.echo import EchoParameters, find_arrivals, matched_envelope, to_echo_rate
 from elfslam.world.interference import speech_like
-from elfslam.world.simulate import describe_chirp
 from studies.eavesdropping import FORMS
 from studies.speech import down, intelligibility
 from tests.in_node import needs_node, passed_in_node, run_node

@@ -15,7 +15,7 @@ from scipy import signal
 from elfslam.base.values import Audio
 from elfslam.data import baseband
 from elfslam.data.recordings import read_recording
-from elfslam.world.simulate import describe_chirp
+from elfslam.stages.chirp import describe_chirp
 from tests.accessibility import violations
 
 RATE_HZ = 44_100
