@@ -137,7 +137,8 @@ def _clean(folder: Path, name: str) -> list[Record]:
     graph = _read(folder / f"{name}.g2o")
     sizes = {"poses": len(graph.initial), "closures": int(graph.is_closure.sum())}
     found = [Record("graph", metric, float(size), world=name) for metric, size in sizes.items()]
-    solvers = {OURS: partial(_solved, parameters=PLAIN), PLAIN_LM: plain, CHOOSING: ours}
+    accepting = partial(_solved, parameters=PLAIN)
+    solvers: dict[str, Solver] = {OURS: accepting, PLAIN_LM: plain, CHOOSING: ours}
     for method, solver in solvers.items():
         poses, seconds = _timed(solver, graph)
         cost = half_square(graph, poses)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import secrets
+import shutil
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -16,6 +17,7 @@ from fastapi import FastAPI
 from elfslam.base.values import Audio, FloorMap, Imu, Payload, Recording
 from elfslam.data.recordings import write_recording
 from elfslam.serve.app import create_app
+from elfslam.serve.parsing import children
 from elfslam.serve.people.access import new_token
 from elfslam.serve.people.users import add_user, set_owner_token
 from elfslam.serve.services import Services, open_services
@@ -25,6 +27,7 @@ from elfslam.stages.feature import load_encoder
 from studies.benchmarks.served import Served, start
 from tests.serve.own_postgresql import initdb, own_postgresql
 from tests.serve.planting import plant_files, plant_floor_map
+from tests.serve.warm_children import WarmChild
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # of Starlette about the HTTP client it would rather have
@@ -43,6 +46,12 @@ def postgresql() -> Iterator[str]:
         pytest.skip("PostgreSQL is not installed (Debian: apt-get install postgresql)")
     with own_postgresql(fsync="off") as running:
         yield running.folder
+
+
+@pytest.fixture(autouse=True)
+def warm_children(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What parses in the server of a test is forked, not started."""
+    monkeypatch.setattr(children, "Child", WarmChild)
 
 
 @pytest.fixture
@@ -64,9 +73,19 @@ def settings(tmp_path: Path, database_url: str) -> ServerSettings:
     return ServerSettings(tmp_path / "data", database_url, secure_cookie=False, run_jobs=False)
 
 
+@pytest.fixture(scope="session")
+def empty_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A data folder with an empty SQLite database: to migrate one takes longer than most tests."""
+    folder = tmp_path_factory.mktemp("empty") / "data"
+    open_services(ServerSettings(folder)).engine.dispose()
+    return folder
+
+
 @pytest.fixture
-def app(settings: ServerSettings) -> Iterator[FastAPI]:
+def app(settings: ServerSettings, empty_store: Path) -> Iterator[FastAPI]:
     """The app of that data folder."""
+    if not settings.database_url and not settings.data_folder.exists():
+        shutil.copytree(empty_store, settings.data_folder)
     made = create_app(open_services(settings))
     yield made
     made.state.services.engine.dispose()

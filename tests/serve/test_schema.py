@@ -19,7 +19,7 @@ from schemathesis.generation import GenerationMode
 from elfslam.base.values import FloorMap
 
 Start = Callable[..., Any]
-EXAMPLES = 3
+EXAMPLES = 2
 """Of each operation, good ones and as many bad ones."""
 OFTEN = {"token_requests_per_s": 1e6, "address_requests_per_s": 1e6, "users": 10_000}
 KNOWN_STATUSES = {200, 201, 202, 204, 206, 304, 400, 401, 403, 404, 405, 406, 408, 409}

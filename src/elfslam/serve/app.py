@@ -14,7 +14,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 
 from elfslam import __version__
-from elfslam.serve.buildings import routes as buildings
+from elfslam.serve.buildings import find as buildings
 from elfslam.serve.jobs import routes as jobs
 from elfslam.serve.jobs.runner import run_jobs
 from elfslam.serve.maps import floor_plans, package, point_routes

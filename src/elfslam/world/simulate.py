@@ -11,7 +11,6 @@ from elfslam.base.arguments import Seed, Such, checked
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.values import Recording, Truth
-from elfslam.stages.chirp import describe_chirp
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.device import BMI160, ImuGrade
 from elfslam.world.imu import read_imu
@@ -22,7 +21,7 @@ from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, Walker, random_walk
 from elfslam.world.wifi import WifiParameters
 from elfslam.world.world_file import World, load_world, walked_room, world_names
 
-__all__ = ["World", "describe_chirp", "load_world", "simulate", "world_names"]
+__all__ = ["World", "load_world", "simulate", "world_names"]
 
 Rounds = Annotated[int, Such(lambda rounds: rounds > 0, "integer from 1 on")]
 WALKERS = ("surveyor", "person")

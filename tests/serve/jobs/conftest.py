@@ -19,8 +19,9 @@ from elfslam.serve.store.tables import Map, Recording, RecordingState
 from elfslam.slam.merging import MergeParameters
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
+from elfslam.stages.chirp import describe_chirp
 from elfslam.stages.feature import load_encoder
-from elfslam.world.simulate import describe_chirp, load_world, simulate
+from elfslam.world.simulate import load_world, simulate
 from tests.serve.planting import plant_files
 from tests.waiting import until
 

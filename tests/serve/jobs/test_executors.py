@@ -58,7 +58,7 @@ def laid(tmp_path: Path, walks: Path) -> Laid:
 
     def lay(name: str) -> Path:
         folder, blobs = tmp_path / f"job-{name}", tmp_path / "blobs"
-        blobs.mkdir()
+        blobs.mkdir(exist_ok=True)
         named = {file: blob.sha256 for file, blob in put_folder(blobs, walks / name).items()}
         link_into(folder / GIVEN / name, blobs, named)
         task = {"kind": "map", "recording": name, "by": [], "start_pose": None}
@@ -132,7 +132,7 @@ def test_a_killed_process_is_noticed_and_the_next_job_is_done(
     assert isinstance(last, Result)
     assert last.died
     assert "it was killed" in str(last.problem)
-    done = list(place.work(folder, LONG_S, lock))[-1]
+    done = list(place.work(laid("mute"), LONG_S, lock))[-1]
     assert isinstance(done, Result)
     assert (done.problem, done.died) == (None, False)
 
@@ -155,7 +155,7 @@ def test_a_killed_node_process_is_noticed(place: Executor, laid: Laid, lock: int
         with pytest.raises(WorkerDiedError, match="do it again"):
             list(events)
     until(lambda: not workers_of(scratch()), "the end of who works")
-    done = list(place.work(folder, LONG_S, lock))[-1]
+    done = list(place.work(laid("mute"), LONG_S, lock))[-1]
     assert isinstance(done, Result)
     assert done.problem is None
     assert not list(Path(tempfile.gettempdir()).glob(f"{SCRATCH}*"))

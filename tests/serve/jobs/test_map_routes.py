@@ -169,39 +169,27 @@ def test_a_floor_plan_is_kept_placed_and_replaced(
     assert owner.delete(place).status_code == 404
 
 
-@pytest.mark.parametrize(
-    ("content", "kind", "status"),
-    [
-        (b"", "image/png", 422),
-        (image()[:60], "image/png", 422),
-        (b"<svg onload='alert(1)'/>", "image/svg+xml", 422),
-        (b"GIF89a", "image/gif", 415),
-        (b"%PDF-1.7 and no more", "application/pdf", 422),
-        (b'{"features": []}', "application/geo+json", 422),
-        (b"<svg onload='alert(1)'/>", "image/png", 422),
-        (image("GIF"), "image/png", 422),
-        (image("PNG", 10_000, 10_000), "image/png", 422),
-        (b"\0" * (17 * 2**20), "image/png", 413),
-    ],
-    ids=[
-        "empty",
-        "cut off",
-        "no svg",
-        "gif",
-        "no pdf",
-        "no shapes",
-        "svg as png",
-        "gif as png",
-        "huge",
-        "heavy",
-    ],
-)
+NO_PLANS = [
+    (b"", "image/png", 422),
+    (image()[:60], "image/png", 422),
+    (b"<svg onload='alert(1)'/>", "image/svg+xml", 422),
+    (b"GIF89a", "image/gif", 415),
+    (b"%PDF-1.7 and no more", "application/pdf", 422),
+    (b'{"features": []}', "application/geo+json", 422),
+    (b"<svg onload='alert(1)'/>", "image/png", 422),
+    (image("GIF"), "image/png", 422),
+    (image("PNG", 10_000, 10_000), "image/png", 422),
+    (b"\0" * (17 * 2**20), "image/png", 413),
+]
+
+
 def test_what_is_no_floor_plan_is_refused(
-    owner: TestClient, keep_map: Keep, services: Services, content: bytes, kind: str, status: int
+    owner: TestClient, keep_map: Keep, services: Services
 ) -> None:
     map_id = keep_map(owner, "one")
     before = files_of(services)
-    assert put(owner, map_id, content, kind) == status
+    for content, kind, status in NO_PLANS:
+        assert put(owner, map_id, content, kind) == status, (content[:30], kind)
     assert owner.get(f"/api/maps/{map_id}").json()["floor_plan"] is None
     assert files_of(services) == before
 

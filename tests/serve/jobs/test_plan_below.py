@@ -25,7 +25,7 @@ from elfslam.serve.receiving.reader import find
 from elfslam.serve.services import Services
 from elfslam.serve.store.database import reading, transaction
 from elfslam.serve.store.tables import Map, Recording, RecordingState
-from elfslam.world.simulate import describe_chirp
+from elfslam.stages.chirp import describe_chirp
 from tests.serve.jobs.conftest import start
 from tests.serve.planting import plant_files
 

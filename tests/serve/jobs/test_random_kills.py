@@ -30,7 +30,7 @@ from tests.waiting import until
 
 pytestmark = pytest.mark.real
 
-KILLS = int(os.environ.get("KILLS", "4"))
+KILLS = int(os.environ.get("KILLS", "3"))
 DATABASES = ("sqlite", "postgresql") if "KILLS" in os.environ else ("sqlite",)
 WALKS = ("one", "mute")
 """The first has sound, the other only motion."""

@@ -13,7 +13,7 @@ from starlette.testclient import TestClient
 
 from elfslam.serve.jobs import queue as jobs
 from elfslam.serve.jobs.executors import Result
-from elfslam.serve.jobs.results import keep
+from elfslam.serve.jobs.runner import keep
 from elfslam.serve.services import Services
 from elfslam.serve.settings import Limits, ServerSettings
 from elfslam.serve.store.database import reading, transaction

@@ -14,7 +14,7 @@ import pytest
 from fastapi import FastAPI
 from starlette.testclient import TestClient
 
-from elfslam.app.map import MapJob, map_into
+from elfslam.app.map import MapJob
 from elfslam.app.settings import Settings
 from elfslam.data.position_files import read_fixes
 from elfslam.serve.app import create_app
@@ -80,25 +80,6 @@ def left_over(services: Services) -> list[str]:
     return [item.name for item in services.settings.work_folder.iterdir()]
 
 
-def test_a_walk_becomes_the_map_that_the_command_makes_of_it(
-    owner: TestClient, remember: Remember, ended: Wait, walks: Path, tmp_path: Path
-) -> None:
-    recording = remember(owner, "one")
-    job_id = start(owner, kind="map", recording=recording)
-    assert 0 < when(owner, job_id, works)["share"] < 1
-    job = ended(owner, job_id)
-    assert (job["state"], job["problem"], job["share"]) == ("done", None, 1.0)
-    made = owner.get(f"/api/maps/{job['gave']['map']}").json()
-    assert made["sources"] == [recording]
-    assert made["facts"]["status"] == "OK"
-    ours = unpacked(owner, made["id"], tmp_path / "ours")
-    map_into(tmp_path / "theirs", walks / "one", AS_THE_COMMAND, ignore)
-    names = {file.name for file in ours.iterdir()}
-    assert names == {file.name for file in (tmp_path / "theirs").iterdir()}
-    for name in names - DATED:
-        assert (ours / name).read_bytes() == (tmp_path / "theirs" / name).read_bytes(), name
-
-
 def test_a_stretch_of_a_walk_becomes_a_map_beside_that_of_the_whole(
     owner: TestClient, remember: Remember, ended: Wait
 ) -> None:
@@ -122,6 +103,10 @@ def test_maps_are_merged_and_a_walk_is_located(
 ) -> None:
     recordings = [remember(owner, name) for name in ("one", "two")]
     runs = [ended(owner, start(owner, kind="map", recording=each)) for each in recordings]
+    for job, recording in zip(runs, recordings, strict=True):
+        assert (job["state"], job["problem"], job["share"]) == ("done", None, 1.0)
+        made = owner.get(f"/api/maps/{job['gave']['map']}").json()
+        assert (made["sources"], made["facts"]["status"]) == ([recording], "OK")
     maps = [job["gave"]["map"] for job in reversed(runs)]
     door = {"name": "Door", "kind": "door", "x_m": 0.0, "y_m": 0.0}
     named = {"version": "", "points": [door]}
@@ -187,7 +172,7 @@ def test_a_cancel_in_the_middle_leaves_nothing(
     before = sorted(services.settings.blobs_folder.glob("*/*"))
     recording = remember(owner, "one")
     job_id = start(owner, kind="map", recording=recording)
-    when(owner, job_id, works)
+    assert 0 < when(owner, job_id, works)["share"] < 1
     [process] = children_of(services)
     assert owner.post(f"/api/jobs/{job_id}/cancel").json()["state"] == "cancelled"
     until(lambda: process not in children_of(services), "the end of the process")

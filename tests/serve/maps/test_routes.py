@@ -14,7 +14,7 @@ from elfslam.base.enums import Format
 from elfslam.base.errors import ParameterError
 from elfslam.base.values import FloorMap
 from elfslam.data.geographic import Origin
-from elfslam.serve.jobs.results import _common_place
+from elfslam.serve.jobs.runner import _common_place
 from elfslam.serve.maps.routes import ExportOptions, context_of
 from elfslam.serve.positions.values import MapOrigin
 from elfslam.serve.services import Services

@@ -296,7 +296,6 @@ TWO_WAYS = {
 }
 
 
-@pytest.mark.real
 @pytest.mark.parametrize("case", TWO_WAYS)
 def test_what_two_could_read_in_two_ways_is_refused(serve: Serve, case: str) -> None:
     served = serve(PATIENT)
@@ -309,7 +308,6 @@ def test_what_two_could_read_in_two_ways_is_refused(serve: Serve, case: str) -> 
     assert not served.app.begun.is_set()
 
 
-@pytest.mark.real
 def test_an_old_request_has_no_chunks(serve: Serve) -> None:
     chunks = b"Transfer-Encoding: chunked\r\n\r\n0\r\n\r\n"
     sent = b"POST / HTTP/1.0\r\nHost: 127.0.0.1\r\n" + chunks
@@ -318,7 +316,6 @@ def test_an_old_request_has_no_chunks(serve: Serve) -> None:
     assert came.startswith(b"HTTP/1.1 400 ")
 
 
-@pytest.mark.real
 @pytest.mark.parametrize("size", [1, 3, 1000])
 def test_two_good_requests_come_in_pieces(serve: Serve, size: int) -> None:
     chunked = b"Transfer-Encoding: chunked\r\n\r\n5\r\na\nb\r\r\r\n0\r\n\r\n"
@@ -346,7 +343,6 @@ def answer_of(connection: socket.socket) -> bytes:
     return came
 
 
-@pytest.mark.real
 def test_a_head_that_drips_is_cut(serve: Serve) -> None:
     served = serve(QUICK)
     for first in (b"", b"G", b"GET / " + HEAD + b"X-Slow: "):
@@ -356,7 +352,6 @@ def test_a_head_that_drips_is_cut(serve: Serve) -> None:
         assert answered(honest)
 
 
-@pytest.mark.real
 def test_dripping_does_not_put_the_end_off(serve: Serve) -> None:
     served = serve(QUICK)
     with served.send(b"GET / " + HEAD + b"X-Slow: ") as slow:
@@ -372,7 +367,6 @@ def test_dripping_does_not_put_the_end_off(serve: Serve) -> None:
         assert time.monotonic() < began_s + LONG_S / 2
 
 
-@pytest.mark.real
 def test_the_second_head_on_a_connection_has_no_more_time(serve: Serve) -> None:
     served = serve(QUICK)
     with served.send_get() as kept:
@@ -381,28 +375,24 @@ def test_the_second_head_on_a_connection_has_no_more_time(serve: Serve) -> None:
         assert answer_of(kept) == b""
 
 
-@pytest.mark.real
 def test_what_an_answered_request_still_owes_has_no_more_time(serve: Serve) -> None:
     served = serve(QUICK)
     with served.send(b"POST / " + HEAD + b"Content-Length: 100\r\n\r\nx") as slow:
         assert answer_of(slow).startswith(OK)
 
 
-@pytest.mark.real
 def test_an_answer_may_take_as_long_as_it_takes(serve: Serve) -> None:
     served = serve(QUICK)
     with served.send_get("/long") as honest:
         assert answered(honest)
 
 
-@pytest.mark.real
 def test_who_does_not_read_is_cut(serve: Serve) -> None:
     served = serve(QUICK)
     with served.send_get("/endless"):
         assert served.app.left.wait(LONG_S)
 
 
-@pytest.mark.real
 def test_who_reads_is_not_cut(serve: Serve) -> None:
     served = serve(Limits(silence_s=0.5))
     with served.send_get("/endless") as reader:
@@ -425,7 +415,6 @@ def trusting(certificate: Certificate) -> ssl.SSLContext:
     )
 
 
-@pytest.mark.real
 def test_a_handshake_that_is_not_made_is_cut(serve: Serve, certificate: Certificate) -> None:
     served = serve(QUICK, certificate=certificate)
     for first in (b"", b"\x16\x03\x01"):
@@ -433,7 +422,6 @@ def test_a_handshake_that_is_not_made_is_cut(serve: Serve, certificate: Certific
             assert answer_of(slow) == b""
 
 
-@pytest.mark.real
 def test_a_handshake_makes_room_for_the_next(serve: Serve, certificate: Certificate) -> None:
     served = serve(PATIENT, most_of_one=1, certificate=certificate)
     with served.send(b"\x16\x03\x01") as slow, served.send() as plain:
@@ -443,7 +431,6 @@ def test_a_handshake_makes_room_for_the_next(serve: Serve, certificate: Certific
         assert answer_of(slow) == b""
 
 
-@pytest.mark.real
 def test_over_tls_a_head_is_cut_as_well(serve: Serve, certificate: Certificate) -> None:
     served = serve(Limits(head_s=1.0), certificate=certificate)
     with trusting(certificate).wrap_socket(served.send(), server_hostname=HOST) as slow:
@@ -451,7 +438,6 @@ def test_over_tls_a_head_is_cut_as_well(serve: Serve, certificate: Certificate) 
         assert slow.recv(1) == b""
 
 
-@pytest.mark.real
 @pytest.mark.parametrize(
     "first",
     [
@@ -472,7 +458,6 @@ def test_a_newcomer_ends_what_waits_for_its_client(serve: Serve, first: bytes) -
         assert answer_of(slow) == b""
 
 
-@pytest.mark.real
 def test_a_newcomer_ends_nothing_that_is_worked_for(serve: Serve) -> None:
     served = serve(PATIENT, most_of_one=1)
     with served.send_get("/wait"):

@@ -52,13 +52,19 @@ from tests.waiting import until
 Start = Callable[..., Any]
 TUS = {"Tus-Resumable": "1.0.0"}
 PIECE = {**TUS, "Content-Type": "application/offset+octet-stream"}
-ROUNDS = 3
+ROUNDS = 2
 
 
 @pytest.fixture(scope="module")
 def server(start_server: Start) -> Any:
     """A server that several tests ask, as long as none of them ends it."""
     return start_server(silence_s=1.0)
+
+
+@pytest.fixture(scope="module")
+def secure(start_server: Start) -> Any:
+    """The same, over TLS."""
+    return start_server(speaks="https")
 
 
 def coded(text: str) -> str:
@@ -73,8 +79,8 @@ def begin(client: httpx.Client, length: int) -> str:
     return str(client.post("/api/uploads", headers=headers).headers["location"])
 
 
-def test_https_with_the_authoritys_certificate(start_server: Start) -> None:
-    server = start_server(speaks="https")
+def test_https_with_the_authoritys_certificate(secure: Any) -> None:
+    server = secure
     trusted = ssl.create_default_context(cafile=str(server.data / "authority" / "authority.pem"))
     with httpx.Client(base_url=server.url, verify=trusted, headers=server.bearer) as client:
         assert client.get("/api/me").json()["is_owner"] is True
@@ -241,8 +247,8 @@ def test_another_address_is_told_and_no_code_leads_a_phone_to_itself() -> None:
     assert why.startswith("No code to scan")
 
 
-def test_plain_http_on_the_port_of_https_leads_there(start_server: Start) -> None:
-    server = start_server(speaks="https")
+def test_plain_http_on_the_port_of_https_leads_there(secure: Any) -> None:
+    server = secure
     parts = urlsplit(server.url)
     plain = f"http://127.0.0.1:{parts.port}/desk?a=b"
     answer = httpx.get(plain, follow_redirects=False)
@@ -288,8 +294,7 @@ def test_a_port_in_use_is_said(settings: ServerSettings) -> None:
             run(settings, Listening("127.0.0.1", port, plain_http=True), print)
 
 
-def test_a_second_server_is_refused_before_it_changes_anything(start_server: Start) -> None:
-    server = start_server()
+def test_a_second_server_is_refused_before_it_changes_anything(server: Any) -> None:
     assert httpx.get(server.url + "api/me", headers=server.bearer).is_success, "it has written all"
     before = {file.name: file.read_bytes() for file in (server.data / "authority").iterdir()}
     second = Listening("127.0.0.1", 0, plain_http=True, new_token=True, new_key=True)

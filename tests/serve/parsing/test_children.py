@@ -37,7 +37,8 @@ Children().parse(PARSER, BOUNDS, what="wait", place=sys.argv[1])
 
 
 @pytest.fixture(autouse=True)
-def found_by_children(monkeypatch: pytest.MonkeyPatch) -> None:
+def warm_children(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Here children are started, and find what they parse with."""
     places = (str(ROOT), str(ROOT / "src"), os.environ.get("PYTHONPATH", ""))
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, places)))
 

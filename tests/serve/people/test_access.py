@@ -27,7 +27,7 @@ PUBLIC = {
 }
 
 
-@pytest.mark.parametrize("token", [None, "x", "k" * 43])
+@pytest.mark.parametrize("token", [None, "k" * 43])
 def test_every_route_but_the_public_ones_wants_a_token(
     app: FastAPI, anyone: TestClient, token: str | None
 ) -> None:

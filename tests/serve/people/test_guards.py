@@ -130,9 +130,9 @@ def test_what_is_not_there_is_a_problem(anyone: TestClient) -> None:
         assert answer.headers["content-type"] == "application/problem+json"
 
 
-@pytest.mark.parametrize("path", ["/../settings.py", "/%2e%2e/settings.py", "/..%2fsettings.py"])
-def test_pages_do_not_lead_out(anyone: TestClient, path: str) -> None:
-    assert anyone.get(path).status_code == 404
+def test_pages_do_not_lead_out(anyone: TestClient) -> None:
+    for path in ("/../settings.py", "/%2e%2e/settings.py", "/..%2fsettings.py"):
+        assert anyone.get(path).status_code == 404, path
 
 
 def test_pages_and_their_kinds(settings: ServerSettings, tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import random
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -133,18 +133,21 @@ def test_a_database_that_was_changed_by_hand(
     refused(store, words)
 
 
-@pytest.mark.parametrize("name", [".lock", "jobs.lock", "blobs/.lock", STORE])
-@pytest.mark.parametrize("make", [Path.mkdir, os.mkfifo, lambda place: place.symlink_to("/zero")])
-def test_what_is_no_file_is_not_opened(
-    store: ServerSettings, name: str, make: Callable[[Path], None]
-) -> None:
-    place = store.data_folder / name
-    place.unlink(missing_ok=True)
-    make(place)
-    refused(store, "is no plain file; move it away")
-
-
-def test_what_is_no_folder_is_not_used(store: ServerSettings) -> None:
+def test_what_is_no_file_or_no_folder_is_not_used(store: ServerSettings) -> None:
+    for name in (".lock", "jobs.lock", "blobs/.lock", STORE):
+        place, aside = store.data_folder / name, store.data_folder / "aside"
+        if place.exists():
+            place.rename(aside)
+        for make, undo in (
+            (Path.mkdir, Path.rmdir),
+            (os.mkfifo, Path.unlink),
+            (lambda place: place.symlink_to("/zero"), Path.unlink),
+        ):
+            make(place)
+            refused(store, "is no plain file; move it away")
+            undo(place)
+        if aside.exists():
+            aside.rename(place)
     store.work_folder.rmdir()
     store.work_folder.symlink_to("nowhere")
     refused(store, "work: is no plain folder")
@@ -232,7 +235,7 @@ def test_no_database_at_all(store: ServerSettings) -> None:
     refused(store, "cannot be read")
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_a_database_with_changed_bytes(store: ServerSettings, seed: int) -> None:
     """It opens or is refused in one line; what is changed inside a text is nobody's to notice."""
     file = store.data_folder / "elfslam.sqlite"

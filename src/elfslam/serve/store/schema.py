@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from enum import Enum, auto
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,7 @@ class State(Enum):
     OLDER = auto()
 
 
+@cache
 def newest_version() -> str:
     """The version that this program writes."""
     head = ScriptDirectory(str(MIGRATIONS)).get_current_head()

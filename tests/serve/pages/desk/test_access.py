@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -69,24 +69,38 @@ def visit(page: Any, person: Any, where: str) -> None:
         page.wait_for_selector("figure.plot" if where == "recording" else "table.list")
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_everything_has_a_name_and_can_be_read(full: Any, open_desk: Open, scheme: str) -> None:
-    page = open_desk(full, color_scheme=scheme, reduced_motion="reduce")
+def shown_otherwise(page: Any, widths: tuple[int, ...]) -> Iterator[int]:
+    """The page as it is, by day and by night on screens of these widths."""
+    for width in widths:
+        page.set_viewport_size({"width": width, "height": 700})
+        for scheme in ("dark", "light"):
+            page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
+            yield width
+
+
+def is_wider(page: Any, width: int) -> bool:
+    return bool(page.evaluate("document.documentElement.scrollWidth") > width)
+
+
+def test_everything_has_a_name_and_can_be_read_and_fits(full: Any, open_desk: Open) -> None:
+    page = open_desk(full)
     for where in PAGES:
         visit(page, full, where)
-        assert violations(page) == [], where
+        for width in (320, 700, 1024):
+            page.set_viewport_size({"width": width, "height": 700})
+            assert not is_wider(page, width), (where, width)
+        for width in shown_otherwise(page, (1280,)):
+            assert violations(page) == [], (where, width)
+        assert page.evaluate(SMALL) == [], where
+        levels = page.evaluate(
+            "[...document.querySelectorAll('h1, h2, h3')].map((each) => Number(each.tagName[1]))"
+        )
+        assert levels.count(1) == 1, where
+        assert levels[0] == 1, where
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_what_is_asked_has_names_can_be_read_and_fits(
-    full: Any, open_desk: Open, scheme: str
-) -> None:
-    page = open_desk(
-        full,
-        color_scheme=scheme,
-        reduced_motion="reduce",
-        viewport={"width": 320, "height": 640},
-    )
+def test_what_is_asked_has_names_can_be_read_and_fits(full: Any, open_desk: Open) -> None:
+    page = open_desk(full, viewport={"width": 320, "height": 640})
     visit(page, full, "#/maps")
     for each in ("round the studio", "a second map with quite a long name of its own"):
         page.get_by_label(f"Choose {each}").check()
@@ -97,24 +111,19 @@ def test_what_is_asked_has_names_can_be_read_and_fits(
         page.get_by_role("button", name=button, exact=True).click()
         dialog = page.get_by_role("dialog", name=title)
         dialog.wait_for()
-        assert violations(page) == [], button
-        box = dialog.bounding_box()
-        assert box["x"] >= 0, button
-        assert box["x"] + box["width"] <= 320, button
-        wide = dialog.evaluate("each => each.scrollWidth > each.clientWidth")
-        assert not wide, button
+        for width in shown_otherwise(page, (320,)):
+            assert violations(page) == [], button
+            box = dialog.bounding_box()
+            assert box["x"] >= 0, button
+            assert box["x"] + box["width"] <= width, button
+            wide = dialog.evaluate("each => each.scrollWidth > each.clientWidth")
+            assert not wide, button
         page.keyboard.press("Escape")
         dialog.wait_for(state="detached")
 
 
-@pytest.mark.parametrize("width", [320, 1280])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_what_a_guest_sees_has_names_can_be_read_and_fits(
-    full: Any, browser: Any, scheme: str, width: int
-) -> None:
-    context = browser.new_context(
-        color_scheme=scheme, reduced_motion="reduce", viewport={"width": width, "height": 700}
-    )
+def test_what_a_guest_sees_has_names_can_be_read_and_fits(full: Any, browser: Any) -> None:
+    context = browser.new_context()
     page = context.new_page()
     for address, heading in (
         (f"/desk#link={full.map_id}.{SECRET}", "round the studio"),
@@ -123,8 +132,9 @@ def test_what_a_guest_sees_has_names_can_be_read_and_fits(
     ):
         page.goto(f"{full.origin}{address}")
         page.get_by_role("heading", name=heading, level=1).wait_for()
-        assert violations(page) == [], address
-        assert page.evaluate("document.documentElement.scrollWidth") <= width, address
+        for width in shown_otherwise(page, (320, 1280)):
+            assert violations(page) == [], address
+            assert not is_wider(page, width), address
     context.close()
 
 
@@ -140,32 +150,6 @@ def test_what_is_nameless_and_faint_is_noticed(full: Any, open_desk: Open) -> No
     found = violations(page)
     assert [each.split(":")[0] for each in found] == ["button-name", "color-contrast"]
     assert "hardly there" in found[1]
-
-
-@pytest.mark.parametrize("width", [320, 700, 1024])
-def test_nothing_lies_beside_the_screen(full: Any, open_desk: Open, width: int) -> None:
-    page = open_desk(full, viewport={"width": width, "height": 700})
-    for where in PAGES:
-        visit(page, full, where)
-        assert page.evaluate("document.documentElement.scrollWidth") <= width, where
-
-
-def test_text_is_large_enough(full: Any, open_desk: Open) -> None:
-    page = open_desk(full)
-    for where in PAGES:
-        visit(page, full, where)
-        assert page.evaluate(SMALL) == [], where
-
-
-def test_headings_are_in_order_and_there_is_one_first(full: Any, open_desk: Open) -> None:
-    page = open_desk(full)
-    for where in PAGES:
-        visit(page, full, where)
-        levels = page.evaluate(
-            "[...document.querySelectorAll('h1, h2, h3')].map((each) => Number(each.tagName[1]))"
-        )
-        assert levels.count(1) == 1, where
-        assert levels[0] == 1, where
 
 
 def test_a_table_stays_a_table_where_it_is_laid_out_as_cards(full: Any, open_desk: Open) -> None:
@@ -227,17 +211,17 @@ GERMAN_DIALOGS = {
 }
 
 
-@pytest.mark.parametrize("width", [320, 390, 1280])
-def test_all_of_it_is_german_for_who_prefers_that(full: Any, open_desk: Open, width: int) -> None:
-    size = {"width": width, "height": 700}
-    page = open_desk(full, locale="de-DE", reduced_motion="reduce", viewport=size)
+def test_all_of_it_is_german_for_who_prefers_that(full: Any, open_desk: Open) -> None:
+    page = open_desk(full, locale="de-DE", reduced_motion="reduce")
     assert page.get_attribute("html", "lang") == "de"
     for where in PAGES:
         visit(page, full, where)
-        assert left_in_english(page, "de") == [], where
-        assert clipped(page) == [], where
-        assert violations(page) == [], where
-        assert page.evaluate("document.documentElement.scrollWidth") <= width, where
+        for width in (320, 390, 1280):
+            page.set_viewport_size({"width": width, "height": 700})
+            assert left_in_english(page, "de") == [], (where, width)
+            assert clipped(page) == [], (where, width)
+            assert violations(page) == [], (where, width)
+            assert not is_wider(page, width), (where, width)
 
 
 def test_what_is_asked_in_german_fits(full: Any, open_desk: Open) -> None:

@@ -114,16 +114,14 @@ def test_the_walk_is_drawn_with_its_extent(page: Any, run_folder: Path) -> None:
     assert (shown != pixels(page)).any(), "the other layers had drawn something"
 
 
-@pytest.mark.parametrize(
-    "name", ["Uncertainty", "Places passed again", "Dead reckoning", "Coverage"]
-)
-def test_every_layer_draws_and_goes(page: Any, name: str) -> None:
-    layer(page, name, on=False)
-    without = pixels(page)
-    layer(page, name, on=True)
-    assert (pixels(page) != without).any()
-    layer(page, name, on=False)
-    assert (pixels(page) == without).all()
+def test_every_layer_draws_and_goes(page: Any) -> None:
+    for name in ("Uncertainty", "Places passed again", "Dead reckoning", "Coverage"):
+        layer(page, name, on=False)
+        without = pixels(page)
+        layer(page, name, on=True)
+        assert (pixels(page) != without).any(), name
+        layer(page, name, on=False)
+        assert (pixels(page) == without).all(), name
 
 
 def test_under_the_finger_is_a_footstep_with_its_time_and_sigma(
@@ -148,7 +146,7 @@ def test_under_the_finger_is_a_footstep_with_its_time_and_sigma(
     tip.wait_for(state="hidden")
 
 
-def test_keys_move_zoom_and_step(page: Any, run_folder: Path) -> None:
+def test_keys_and_wheel_move_zoom_and_step(page: Any, run_folder: Path) -> None:
     canvas = page.locator(".stage canvas")
     canvas.focus()
     before = px_per_m(page)
@@ -162,9 +160,6 @@ def test_keys_move_zoom_and_step(page: Any, run_folder: Path) -> None:
     page.keyboard.press("]")
     page.keyboard.press("]")
     page.locator(".stage [aria-live]").get_by_text("footstep 2").wait_for()
-
-
-def test_the_wheel_zooms_where_it_points(page: Any) -> None:
     box, before = canvas_box(page), px_per_m(page)
     page.mouse.move(box["x"] + 200, box["y"] + 200)
     page.mouse.wheel(0, -300)
@@ -320,17 +315,14 @@ def test_a_plan_turns_dark_and_light_with_the_page_until_somebody_says(
     assert pixels(page)[..., :3].mean() < light - 40
 
 
-def test_a_plan_that_is_no_image_is_refused_in_words(page: Any, tmp_path: Path) -> None:
+def test_a_plan_is_refused_in_words_or_chosen_among_levels_and_removed(
+    page: Any, map_id: str, tmp_path: Path, asked: Any
+) -> None:
     file = tmp_path / "plan.png"
     file.write_bytes(b"no image at all")
     page.locator("input[name=plan-file]").set_input_files(file)
     assert len(page.get_by_role("alert").locator(".toast span").inner_text()) > 20
     assert page.get_by_role("button", name="Move the plan").count() == 0
-
-
-def test_of_a_plan_with_several_levels_one_is_chosen(
-    page: Any, map_id: str, tmp_path: Path, asked: Any
-) -> None:
     rooms = []
     for level, side_m in (("0", 6), ("1", 9)):
         ring = [[0, 0], [side_m, 0], [side_m, 4], [0, 4], [0, 0]]
@@ -352,10 +344,6 @@ def test_of_a_plan_with_several_levels_one_is_chosen(
     assert asked(page, f"/api/maps/{map_id}")["floor_plan"]["width_m"] == pytest.approx(
         9.2, abs=0.1
     )
-
-
-def test_a_removed_plan_is_gone(page: Any, map_id: str, floor_plan: Path, asked: Any) -> None:
-    page.locator("input[name=plan-file]").set_input_files(floor_plan)
     page.get_by_role("button", name="Remove").click()
     page.get_by_role("button", name="Delete for good").click()
     page.get_by_text("Choose a plan").wait_for()
@@ -377,26 +365,18 @@ def whole_page(person: Any, open_desk: Open, run_folder: Path) -> Any:
     return opened(open_desk(person), person.plant_map("round the studio", run_folder))
 
 
-def test_the_report_draws_itself_in_its_sandbox(whole_page: Any) -> None:
-    with whole_page.expect_popup() as opening:
-        whole_page.get_by_role("link", name="Report").first.click()
-    opening.value.locator(".js-plotly-plot svg.main-svg").first.wait_for()
-
-
-def test_an_export_is_the_file_that_the_command_writes(
+def test_report_and_exports_are_what_the_command_writes(
     whole_page: Any, run_folder: Path, tmp_path: Path
 ) -> None:
+    """The report draws itself in its sandbox; what an export lacks is said and can be given."""
     page = whole_page
+    with page.expect_popup() as opening:
+        page.get_by_role("link", name="Report").first.click()
+    opening.value.locator(".js-plotly-plot svg.main-svg").first.wait_for()
     found = downloaded(page, "tum", tmp_path)
     assert found.name == "round-the-studio.tum" or found.suffix == ".tum"
     export(run_folder, tmp_path / "own.tum", Format.TUM)
     assert found.read_bytes() == (tmp_path / "own.tum").read_bytes()
-
-
-def test_what_an_export_lacks_is_said_and_can_be_given(
-    whole_page: Any, run_folder: Path, tmp_path: Path
-) -> None:
-    page = whole_page
     page.get_by_role("button", name="Download as geojson").click()
     refusal = page.locator(".exports .problem", has_text="origin")
     refusal.wait_for()
@@ -407,9 +387,6 @@ def test_what_an_export_lacks_is_said_and_can_be_given(
     export(run_folder, tmp_path / "own.geojson", Format.GEOJSON, told)
     assert found.read_bytes() == (tmp_path / "own.geojson").read_bytes()
     assert refusal.count() == 0
-
-
-def test_the_whole_folder_comes_home(page: Any, run_folder: Path, tmp_path: Path) -> None:
     with page.expect_download() as coming:
         page.get_by_role("link", name="Whole folder").click()
     coming.value.save_as(tmp_path / "map.zip")
@@ -525,8 +502,7 @@ def test_an_older_view_gives_way_to_a_newer(person: Any, open_desk: Open, run_fo
     assert page.get_by_role("heading", name="first").count() == 1
 
 
-@pytest.mark.parametrize("elsewhere", ["maps", "first"])
-@pytest.mark.parametrize("status", [200, 503])
+@pytest.mark.parametrize(("elsewhere", "status"), [("maps", 503), ("first", 200)])
 def test_a_view_that_comes_too_late_is_not_shown(
     person: Any, open_desk: Open, run_folder: Path, status: int, elsewhere: str
 ) -> None:

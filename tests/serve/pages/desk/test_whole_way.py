@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from elfslam.data.recordings import write_recording
-from elfslam.world.simulate import describe_chirp, load_world, simulate
+from elfslam.stages.chirp import describe_chirp
+from elfslam.world.simulate import load_world, simulate
 
 LONGEST_MS = 300_000
 

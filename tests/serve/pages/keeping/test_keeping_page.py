@@ -100,7 +100,7 @@ def test_after_one_visit_nothing_of_the_server_is_needed(
         assert page.evaluate(WALKS) == []
 
 
-def test_only_what_changed_is_fetched_and_what_was_tampered_with_is_refused(
+def test_only_changes_are_fetched_forgeries_refused_and_signing_out_forgets_all(
     start_server: Start, plant: Callable[[Path], Any], maps: tuple[FloorMap, FloorMap], browser: Any
 ) -> None:
     server = start_server()
@@ -134,6 +134,15 @@ def test_only_what_changed_is_fetched_and_what_was_tampered_with_is_refused(
         page.route("**/package", lambda route: route.fulfill(json=older))
         assert "an older state" in page.evaluate(UPDATE, map_id)
         assert page.evaluate(OPEN, map_id) == second
+        page.goto(f"{server.url}desk")
+        page.click("text=Sign out")
+        page.wait_for_selector("body[data-page=door]")
+        page.wait_for_load_state("networkidle")
+        page.goto(server.url)
+        assert "not on this phone" in page.evaluate(OPEN, map_id)
+        assert "does not know the server's key" in page.evaluate(UPDATE, map_id)
+        left = page.evaluate(f"async () => {{ {HOLD} return (await openStore()).names(); }}")
+        assert left == [], "signing out forgets the maps"
 
 
 def changed_tile(older: dict[str, str], newer: dict[str, str]) -> str:
@@ -143,25 +152,6 @@ def changed_tile(older: dict[str, str], newer: dict[str, str]) -> str:
         for told in (older, newer)
     ]
     return min(tiles[1] - tiles[0])
-
-
-def test_signing_out_forgets_the_maps(
-    start_server: Start, plant: Callable[[Path], Any], maps: tuple[FloorMap, FloorMap], browser: Any
-) -> None:
-    server = start_server()
-    map_id = plant(server.data).put(maps[0])
-    with browser.opened() as page:
-        visit(page, pairing(server))
-        page.evaluate(UPDATE, map_id)
-        page.goto(f"{server.url}desk")
-        page.click("text=Sign out")
-        page.wait_for_selector("body[data-page=door]")
-        page.wait_for_load_state("networkidle")
-        page.goto(server.url)
-        assert "not on this phone" in page.evaluate(OPEN, map_id)
-        assert "does not know the server's key" in page.evaluate(UPDATE, map_id)
-        left = page.evaluate(f"async () => {{ {HOLD} return (await openStore()).names(); }}")
-        assert left == []
 
 
 def test_a_new_version_takes_the_place_of_the_old_one(

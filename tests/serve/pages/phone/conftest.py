@@ -90,12 +90,6 @@ def heard(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, np.ndarray]:
     return file, soundfile.read(file, dtype="int16")[0]
 
 
-@pytest.fixture
-def room_sound_file(heard: tuple[Path, np.ndarray]) -> Path:
-    """The file of the fake microphone."""
-    return heard[0]
-
-
 @dataclass
 class Server:
     """A server process of its own, on plain HTTP."""
@@ -253,31 +247,45 @@ def locale() -> str:
     return "en-US"
 
 
-@pytest.fixture
-def phone(server: Server, room_sound_file: Path, locale: str) -> Iterator[Phone]:
-    """A phone that was just handed over; whatever its page throws fails the test."""
+@pytest.fixture(scope="module")
+def play() -> Iterator[Any]:
+    """What starts browsers; stopped with the file, as others start their own."""
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     if CHROMIUM is None:
         pytest.skip("chromium is missing: apt-get install chromium")
-    arguments = [*ARGUMENTS, f"--use-file-for-fake-audio-capture={room_sound_file}"]
-    with playwright.sync_playwright() as play:
-        browser = play.chromium.launch(
-            executable_path=CHROMIUM, args=arguments, ignore_default_args=["--mute-audio"]
-        )
-        context = browser.new_context(
-            locale=locale,
-            permissions=list(PERMISSIONS),
-            viewport={"width": 390, "height": 844},
-            has_touch=True,
-            reduced_motion="reduce",
-        )
-        page = context.new_page()
-        page.route("**/api/version", regular_chirps)
-        handed = Phone(page, context.new_cdp_session(page), server.address)
-        page.on("pageerror", lambda error: handed.problems.append(str(error)))
-        page.on("dialog", lambda dialog: dialog.accept())
-        yield handed
-        browser.close()
+    with playwright.sync_playwright() as started:
+        yield started
+
+
+@pytest.fixture(scope="module")
+def browser(play: Any, heard: tuple[Path, np.ndarray]) -> Iterator[Any]:
+    """A browser whose microphone hears the file."""
+    started = play.chromium.launch(
+        executable_path=CHROMIUM,
+        args=[*ARGUMENTS, f"--use-file-for-fake-audio-capture={heard[0]}"],
+        ignore_default_args=["--mute-audio"],
+    )
+    yield started
+    started.close()
+
+
+@pytest.fixture
+def phone(server: Server, browser: Any, locale: str) -> Iterator[Phone]:
+    """A phone that was just handed over; whatever its page throws fails the test."""
+    context = browser.new_context(
+        locale=locale,
+        permissions=list(PERMISSIONS),
+        viewport={"width": 390, "height": 844},
+        has_touch=True,
+        reduced_motion="reduce",
+    )
+    page = context.new_page()
+    page.route("**/api/version", regular_chirps)
+    handed = Phone(page, context.new_cdp_session(page), server.address)
+    page.on("pageerror", lambda error: handed.problems.append(str(error)))
+    page.on("dialog", lambda dialog: dialog.accept())
+    yield handed
+    context.close()
     assert handed.problems == []
 
 
@@ -313,12 +321,8 @@ class Pocket:
 
 
 @pytest.fixture
-def pocket(tmp_path: Path, room_sound_file: Path) -> Iterator[Pocket]:
+def pocket(play: Any, tmp_path: Path, heard: tuple[Path, np.ndarray]) -> Iterator[Pocket]:
     """A phone that keeps what it keeps."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    if CHROMIUM is None:
-        pytest.skip("chromium is missing: apt-get install chromium")
-    with playwright.sync_playwright() as play:
-        handed = Pocket(play, tmp_path / "profile", room_sound_file)
-        yield handed
+    handed = Pocket(play, tmp_path / "profile", heard[0])
+    yield handed
     assert handed.problems == []

@@ -1,31 +1,25 @@
 """Located live in the page, by a real browser in a simulated room, with the server stopped.
 
-A walk is simulated, sent and mapped by a server of its own. A browser opens the phone page, gets
-the map, and is closed; the server is stopped. The browser is started again on what it has kept, and
-another walker carries it through the room of acoustic_loop.py.
+A browser opens the phone page, gets the map, and is closed; the server is stopped. The browser is
+started again on what it has kept, and another walker carries it through the room of
+acoustic_loop.py.
 """
 
 from __future__ import annotations
 
-import io
 import os
 import time
-import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import httpx
 import numpy as np
 from playwright.sync_api import BrowserContext, Page, sync_playwright
 
 from elfslam.base.values import Fixes, Truth
 from elfslam.data.position_files import read_fixes
-from elfslam.data.recordings import write_recording
-from elfslam.world.simulate import describe_chirp, simulate
-from elfslam.world.world_file import load_world
 from studies.benchmarks.acoustic_loop import in_time, pulse_audio, room_between
 from studies.benchmarks.browser_walk import (
     ARGUMENTS,
@@ -35,10 +29,7 @@ from studies.benchmarks.browser_walk import (
     Course,
     MotionSensors,
 )
-from studies.benchmarks.served import PIECE, metadata, owner_of, serving
 
-LONGEST_S = 1200
-MAPPED_ROUNDS = 3
 SETTLING_S = 1.5
 """From the last step until the page has told all that it knows."""
 
@@ -62,18 +53,6 @@ class Errors:
     quartile3_m: float
     within: float
     """Share of the fixes that lay no further off than the page said, where it says two of three."""
-
-
-def prepared(world: str, seed: int, folder: Path) -> tuple[str, Any]:
-    """A map that a server made and a browser has got: the server's address, the world's pose."""
-    with serving(folder / "data") as address:
-        with owner_of(address) as client:
-            truth = upload_walk(client, world, seed, folder / "walk")
-            wait_for_jobs(client)
-            made = client.get("/api/maps").json()[0]
-            (mapped,) = client.get(f"/api/maps/{made['id']}/view").json()["walks"]
-        get_map(folder / "profile", address)
-    return address.partition("#")[0], world_in_map_of(mapped, truth)
 
 
 def walk_once(course: Course, address: str, folder: Path, seed: int) -> Placed:
@@ -168,35 +147,6 @@ def errors_of(fixes: Fixes, truth: Truth, world_in_map: tuple[float, float, floa
     sigma_m = np.sqrt(np.trace(fixes.covariance_m2[given], axis1=1, axis2=2) / 2)
     within = float(np.mean(error_m <= sigma_m * np.sqrt(-2 * np.log(1 / 3))))
     return Errors(float(np.median(error_m)), float(np.quantile(error_m, 0.75)), within)
-
-
-# --- a server with a map ---
-
-
-def upload_walk(client: httpx.Client, world: str, seed: int, folder: Path) -> Truth:
-    """Simulate a walk and send it as a .zip; gives its truth, which is not sent."""
-    recording, truth = simulate(load_world(world), seed, rounds=MAPPED_ROUNDS)
-    write_recording(replace(recording, name="walk"), folder, chirp_description=describe_chirp())
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w") as archive:
-        for file in folder.iterdir():
-            archive.write(file, f"walk/{file.name}")
-    content = packed.getvalue()
-    told = {"Upload-Length": str(len(content)), "Upload-Metadata": metadata(filename="walk.zip")}
-    client.post("/api/uploads", content=content, headers={**PIECE, **told}).raise_for_status()
-    return truth
-
-
-def wait_for_jobs(client: httpx.Client) -> None:
-    """Until every recording is read and every job has ended."""
-    until_s = time.monotonic() + LONGEST_S
-    while time.monotonic() < until_s:
-        recordings, jobs = (client.get(f"/api/{kind}").json() for kind in ("recordings", "jobs"))
-        states = {each["state"] for each in [*recordings, *jobs]}
-        if not states & {"receiving", "queued", "running"}:
-            return
-        time.sleep(0.5)
-    raise RuntimeError("the jobs take too long")
 
 
 def world_in_map_of(walk: dict[str, Any], truth: Truth) -> tuple[float, float, float]:

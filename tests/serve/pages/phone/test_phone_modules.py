@@ -13,10 +13,9 @@ from scipy import signal
 from elfslam.base.values import Audio
 from elfslam.data.baseband import Baseband, in_band, read_baseband, to_baseband
 from elfslam.data.recordings import read_recording
-from elfslam.stages.chirp import ChirpParameters, make_chirp
+from elfslam.stages.chirp import ChirpParameters, describe_chirp, make_chirp
 from elfslam.stages.echo import EchoParameters, find_arrivals, matched_envelope, to_echo_rate
 from elfslam.world.interference import speech_like
-from elfslam.world.simulate import describe_chirp
 from studies.eavesdropping import FORMS
 from studies.speech import down, intelligibility
 from tests.in_node import needs_node, passed_in_node, run_node
@@ -68,10 +67,7 @@ def vectors_at(sound: np.ndarray, rate_hz: int) -> dict[str, object]:
         "chirp": chirp.samples.tolist(),
         "envelope": envelope_at(sound, rate_hz)[:6000].tolist(),
         "arrivals_s": (found.samples / RATES_HZ[0]).tolist(),
-        "baseband": {
-            "first": first,
-            "iq": baseband_by_definition(sound, rate_hz, first).tolist(),
-        },
+        "baseband": {"first": first, "iq": baseband_by_definition(sound, rate_hz, first).tolist()},
         "in_band": in_band(Audio(sound[None], rate_hz)).samples[0, :6000].tolist(),
     }
 

@@ -19,6 +19,7 @@ from elfslam.serve.settings import ServerSettings
 from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.stages.echo import EchoParameters, cut_echoes
 from elfslam.stages.feature import extract_features, load_encoder
+from tests.serve.pages.phone.conftest import Server
 from tests.serve.planting import plant_floor_map
 from tests.waiting import until
 
@@ -78,9 +79,9 @@ def heard_map(heard: tuple[Path, np.ndarray]) -> FloorMap:
 
 
 @pytest.fixture(scope="module")
-def server(running_server: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+def running_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     """A real server whose maps say that nobody takes turns."""
-    running = type(running_server)(tmp_path_factory.mktemp("even") / "data", code=EVENLY)
+    running = Server(tmp_path_factory.mktemp("even") / "data", code=EVENLY)
     running.start()
     yield running
     running.stop()
@@ -186,6 +187,10 @@ def test_the_way_to_a_named_place_is_told_and_drawn(pocket: Any, server: Any, ma
         page.click("text=Find me here")
         page.select_option("#way-to", label="Room 5 (room)")
         page.locator("#way-words", has_text="Room 5: told once your place is known").wait_for()
+        page.wait_for_selector("#place-stop:visible")
+        page.wait_for_timeout(2000)
+        assert page.inner_text("#place-status .what") == "Listening", "nothing without steps"
+        assert "Walk a few steps" in page.inner_text("#place-status .said")
         page.check("input[value=one-shot]", force=True)
         wait_for_words(page, "Here, within")
         page.locator("#way-words", has_text="Room 5: 3.0\u00a0m, straight ahead").wait_for()
@@ -234,10 +239,16 @@ def test_a_floor_is_found_by_where_the_phone_is(
 ) -> None:
     floor = f"[data-map='{published}']"
     with pocket.on() as page:
+        page.clock.install()
         page.goto(server.address)
         page.click("#where")
         page.click("#maps-near")
-        page.locator("#maps-trouble", has_text="allow it in the browser's settings").wait_for()
+        refusal = page.locator("#maps-trouble", has_text="allow it in the browser's settings")
+        refusal.wait_for()
+        for _ in range(2):  # when the second answer is here, the first was shown
+            with page.expect_response("**/api/maps"):
+                page.clock.fast_forward(AGAIN_MS)
+        assert refusal.is_visible()
         page.context.grant_permissions([*PERMISSIONS, "geolocation"])
         page.context.set_geolocation({"latitude": 47.0, "longitude": 8.5417, "accuracy": 30})
         page.click("#maps-near")
@@ -258,22 +269,6 @@ def test_a_floor_is_found_by_where_the_phone_is(
         page.click("#place-back")
         page.wait_for_selector(f"{floor} >> text=Update")
         page.context.grant_permissions(PERMISSIONS)
-
-
-def test_why_nothing_near_was_found_stands_while_the_list_is_asked_for_again(
-    pocket: Any, server: Any
-) -> None:
-    with pocket.on() as page:
-        page.clock.install()
-        page.goto(server.address)
-        page.click("#where")
-        page.click("#maps-near")
-        refusal = page.locator("#maps-trouble", has_text="allow it in the browser's settings")
-        refusal.wait_for()
-        for _ in range(2):  # when the second answer is here, the first was shown
-            with page.expect_response("**/api/maps"):
-                page.clock.fast_forward(AGAIN_MS)
-        assert refusal.is_visible()
 
 
 def positions_in(server: Any, map_id: str) -> list[Any]:
@@ -317,6 +312,12 @@ def test_others_see_the_walker_only_while_they_say_so(
         assert not page.get_by_role("switch", name="Let others see where I am").is_checked()
         page.wait_for_timeout(1500)
         assert len(sent) == before
+        settings = f"/api/maps/{map_id}/positions/settings"
+        server.ask(settings, "PUT", json={"is_on": False})
+        page.get_by_role("switch", name="Let others see where I am").check()
+        page.locator("#problem", has_text="switched live positions off").wait_for()
+        assert not page.get_by_role("switch", name="Let others see where I am").is_checked()
+        assert page.locator("#place-stop").is_visible()
         assert server.ask("/api/positions").json() != []
         page.click("#place-back")
         page.get_by_role("button", name="Delete my positions").click()
@@ -324,32 +325,18 @@ def test_others_see_the_walker_only_while_they_say_so(
         assert server.ask("/api/positions").json() == []
 
 
-def test_consent_ends_where_the_map_takes_no_positions(
+def test_the_map_obeys_keys_and_fits_and_is_removed_only_when_asked_twice(
     pocket: Any, server: Any, map_id: str
 ) -> None:
-    server.ask(f"/api/maps/{map_id}/positions/settings", "PUT", json={"is_on": False})
     with pocket.on() as page:
         get_map(page, server)
+        check_sizes(page)
         locate(page, "one-shot")
+        check_keys(page)
         page.get_by_role("switch", name="Let others see where I am").check()
-        page.locator("#problem", has_text="switched live positions off").wait_for()
-        assert not page.get_by_role("switch", name="Let others see where I am").is_checked()
-        assert page.locator("#place-stop").is_visible()
-
-
-def test_without_steps_nothing_is_claimed(pocket: Any, server: Any, map_id: str) -> None:
-    with pocket.on() as page:
-        get_map(page, server)
-        page.click("text=Find me here")
-        page.wait_for_selector("#place-stop:visible")
-        page.wait_for_timeout(3000)
-        assert page.inner_text("#place-status .what") == "Listening"
-        assert "Walk a few steps" in page.inner_text("#place-status .said")
-
-
-def test_a_map_is_removed_only_when_asked_twice(pocket: Any, server: Any, map_id: str) -> None:
-    with pocket.on() as page:
-        get_map(page, server)
+        page.get_by_role("switch", name="Others see where you are").wait_for()
+        check_sizes(page, ".place-panel")
+        page.click("#place-back")
         page.click("text=Remove")
         page.click("text=Keep it >> visible=true")
         assert page.inner_text("#maps-list .badge") == "On this phone"
@@ -358,44 +345,35 @@ def test_a_map_is_removed_only_when_asked_twice(pocket: Any, server: Any, map_id
         page.wait_for_selector("text=Get this map")
 
 
-def test_the_map_obeys_keys_and_buttons(pocket: Any, server: Any, map_id: str) -> None:
-    with pocket.on() as page:
-        get_map(page, server)
-        locate(page, "one-shot")
-        follow = page.locator(".follow")
-        assert follow.get_attribute("aria-pressed") == "true"
-        page.focus("#place canvas")
-        before = page.inner_text(".scale-bar")
-        page.keyboard.press("+")
-        page.keyboard.press("+")
-        page.locator(".scale-bar").filter(has_not_text=before).wait_for()
-        assert follow.get_attribute("aria-pressed") == "true"
-        page.keyboard.press("ArrowLeft")
-        assert follow.get_attribute("aria-pressed") == "false"
-        page.keyboard.press("f")
-        assert follow.get_attribute("aria-pressed") == "true"
-        page.keyboard.press("Enter")
-        assert "At 3.0 across and 2.0 up, facing north" in page.inner_text("#place-spoken")
-        page.click("[aria-label='Show all']")
-        assert follow.get_attribute("aria-pressed") == "false"
+def check_keys(page: Any) -> None:
+    """The map zooms, pans, follows and speaks by keys and buttons."""
+    follow = page.locator(".follow")
+    assert follow.get_attribute("aria-pressed") == "true"
+    page.focus("#place canvas")
+    before = page.inner_text(".scale-bar")
+    page.keyboard.press("+")
+    page.keyboard.press("+")
+    page.locator(".scale-bar").filter(has_not_text=before).wait_for()
+    assert follow.get_attribute("aria-pressed") == "true"
+    page.keyboard.press("ArrowLeft")
+    assert follow.get_attribute("aria-pressed") == "false"
+    page.keyboard.press("f")
+    assert follow.get_attribute("aria-pressed") == "true"
+    page.keyboard.press("Enter")
+    assert "At 3.0 across and 2.0 up, facing north" in page.inner_text("#place-spoken")
+    page.click("[aria-label='Show all']")
+    assert follow.get_attribute("aria-pressed") == "false"
 
 
-@pytest.mark.parametrize("size", [(320, 568), (390, 844), (1280, 800)])
-def test_it_fits_and_can_be_tapped(
-    pocket: Any, server: Any, map_id: str, size: tuple[int, int]
-) -> None:
-    with pocket.on(*size) as page:
-        get_map(page, server)
-        check_view(page, size[0])
-        locate(page, "one-shot")
-        check_view(page, size[0])
-        map_box, panel = page.locator("#place-map").bounding_box(), page.locator(".place-panel")
-        assert map_box["height"] > 0.25 * size[1]
-        assert panel.bounding_box()["y"] + panel.bounding_box()["height"] <= size[1] + 1
-        page.get_by_role("switch", name="Let others see where I am").check()
-        page.get_by_role("switch", name="Others see where you are").wait_for()
-        check_view(page, size[0])
-        assert panel.bounding_box()["y"] + panel.bounding_box()["height"] <= size[1] + 1
+def check_sizes(page: Any, panel: str | None = None) -> None:
+    """It fits small and large screens and can be tapped; the panel leaves room for the map."""
+    for width, height in ((320, 568), (1280, 800), (390, 844)):
+        page.set_viewport_size({"width": width, "height": height})
+        check_view(page, width)
+        if panel is not None:
+            box = page.locator(panel).bounding_box()
+            assert box["y"] + box["height"] <= height + 1
+            assert page.locator("#place-map").bounding_box()["height"] > 0.25 * height
 
 
 def check_view(page: Any, width: int) -> None:

@@ -18,7 +18,7 @@ from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
 from elfslam.stages.feature import load_encoder
 from tests.accessibility import violations
-from tests.serve.pages.phone.test_phone_page import finished
+from tests.serve.pages.phone.test_phone_page import finished, frame_times_s
 from tests.serve.planting import plant_floor_map
 
 pytestmark = pytest.mark.real
@@ -83,6 +83,7 @@ def test_places_tapped_on_the_plan_come_with_the_walk(
 ) -> None:
     take_map(phone)
     phone.begin("With a plan")
+    assert not phone.page.is_visible("#marks-again")
     phone.page.click("text=Tap the place on a floor plan")
     canvas = phone.page.locator("#tapping-stage canvas")
     canvas.wait_for()
@@ -98,21 +99,21 @@ def test_places_tapped_on_the_plan_come_with_the_walk(
         (box["width"] - 2 * MARGIN_PX) / WIDTH_M, (box["height"] - 2 * MARGIN_PX) / DEPTH_M
     )
     canvas.click(position={"x": middle["x"] + 2 * px_per_m, "y": middle["y"] - px_per_m})
-    phone.page.fill("#mark-name", "Window")
+    phone.page.fill("#mark-name", 'Door, "left"')
     write_the_next_at_once(phone.page, "Somewhere")
     phone.page.click("text=I am here")
+    assert phone.page.input_value("#mark-name") == ""
+    phone.walk(2)
     phone.page.get_by_role("button", name="I am at Way in again").click()
+    phone.page.get_by_role("button", name='I am at Door, "left" again').wait_for()
     folder, _ = finished(phone, server, tmp_path)
     assert json.loads((folder / "recording.json").read_text())["tapped_on"] == planned
     told = read_recording(folder).checkpoints
     assert told is not None
-    assert told.names == ("Way in", "Window", "Somewhere", "Way in")
+    assert told.names == ("Way in", 'Door, "left"', "Somewhere", "Way in")
+    assert 1.9 < np.diff(told.t_s)[-1] < 5
+    assert told.t_s[-1] < frame_times_s(folder)[-1] + 1
     assert told.xy_m is not None
     np.testing.assert_allclose(told.xy_m[[0, 3]], [MIDDLE_M, MIDDLE_M], atol=0.05)
     np.testing.assert_allclose(told.xy_m[1], np.add(MIDDLE_M, [2, 1]), atol=0.05)
     assert np.isnan(told.xy_m[2]).all()
-
-
-def test_without_a_plan_on_the_phone_nothing_is_offered(phone: Any) -> None:
-    phone.begin("Without a plan")
-    assert phone.page.locator("#tapping").is_hidden()

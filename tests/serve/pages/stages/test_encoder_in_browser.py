@@ -16,6 +16,8 @@ from elfslam.slam.parameters import Parameters
 from elfslam.stages.feature import OnnxEncoder, load_encoder
 from elfslam.world.simulate import load_world, simulate
 
+pytestmark = pytest.mark.real
+
 HERE = Path(__file__).parent
 PAGES = HERE.parents[3] / "src" / "elfslam" / "serve" / "pages"
 CHROMIUM = shutil.which("chromium")

@@ -13,12 +13,7 @@ import pytest
 from scipy import signal
 
 from elfslam.base.values import Imu
-from elfslam.stages.motion import (
-    BEGINNING,
-    MotionParameters,
-    find_footsteps,
-    go_on,
-)
+from elfslam.stages.motion import BEGINNING, MotionParameters, find_footsteps, go_on
 from elfslam.stages.motion.level import evenly_sampled, level, rate_of, still_bias
 from elfslam.stages.motion.reckoning import (
     bounce_rms,

@@ -1,16 +1,7 @@
 """Positions of walkers who consent, what a map says of them, and webhooks that get them."""
 
 from alembic import op
-from sqlalchemy import (
-    BigInteger,
-    Boolean,
-    Column,
-    DateTime,
-    Double,
-    ForeignKey,
-    Integer,
-    String,
-)
+from sqlalchemy import BigInteger, Boolean, Column, DateTime, Double, ForeignKey, Integer, String
 
 revision, down_revision = "0004", "0003"
 branch_labels = depends_on = None
@@ -43,11 +34,7 @@ def upgrade() -> None:
         "webhooks",
         Column("id", String, primary_key=True),
         Column(
-            "map_id",
-            String,
-            ForeignKey("maps.id", ondelete="CASCADE"),
-            nullable=False,
-            index=True,
+            "map_id", String, ForeignKey("maps.id", ondelete="CASCADE"), nullable=False, index=True
         ),
         Column("url", String, nullable=False),
         Column("secret", String, nullable=False),
