@@ -147,7 +147,7 @@ def spots_apart(room: Room, spacing_m: float, count: int, generator: np.random.G
 
 STUDY = Study(
     "How close and how many may spots be that are told apart by their echoes?",
-    measure_spots, minutes=90, needs=("torch",), long=True,
+    measure_spots, minutes=75, needs=("torch",), long=True,
     fast={"points": (Point(SPACING, 1.0, 1), Point(COUNT, 2, 2)),
           "recipe": Recipe(learnt=6, queried=2, batch=6, epochs=1, fewest_steps=1)},
 )  # fmt: skip

@@ -48,7 +48,7 @@ def _measured(task: Task, folder: Path, announce: Announce) -> list[Record]:
 
 STUDY = Study(
     "Does one map for all orientations locate a phone whichever way it points?",
-    measure_superimposition, minutes=150, needs=("torch",), long=True,
+    measure_superimposition, minutes=12, needs=("torch",), long=True,
     fast={"floors": (Spots(spots=9, traces=16, supervised_traces=8, queries=6),),
           "ways": (Ways(world="studio", seed=100, rounds=1, steps=1),)},
 )  # fmt: skip

@@ -113,7 +113,7 @@ def _ratios(walks: Sequence[Sequence[Record]], seeds: Sequence[int]) -> list[Rec
 
 STUDY = Study(
     "From which score does each feature close loops best, in worlds for development?",
-    measure_thresholds, minutes=60, long=True,
+    measure_thresholds, minutes=2, long=True,
     fast={"worlds": ("studio",), "seeds": (100,), "rounds": 2,
           "thresholds": (0.1, 0.22)},
 )  # fmt: skip
