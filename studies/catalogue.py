@@ -36,7 +36,7 @@ STUDIES = (
     "floor-plan", "floors-by-wifi", "growing-map", "laps", "live-footsteps", "localization",
     "localization-cost", "magnetic-left-out", "mall-fifths", "mall-floor",
     "many-mappers", "mapping", "merging", "paper", "paper-figures", "paper-summary", "passages",
-    "pose-graphs", "real-rooms", "realism", "sensitivity", "sensors", "speech",
+    "phones", "pose-graphs", "real-rooms", "realism", "sensitivity", "sensors", "speech",
     "spots", "stability", "superimposition", "taps", "thresholds", "trace",
     "unknown-phone",
 )  # fmt: skip

@@ -91,7 +91,9 @@ def measured_places(folder: Path) -> list[Place]:
     return found
 
 
-def places_along(name: str, kind: str, count: int, moved_m: Sequence[float] = MOVED_M) -> Place:
+def places_along(
+    name: str, kind: str, count: int, moved_m: Sequence[float] = MOVED_M, device: str = "flat"
+) -> Place:
     """Phones that look along a world's route, and each moved so far."""
     world, generator = load_world(name), np.random.default_rng(0)
     corners = np.vstack([world.route_m, world.route_m[:1]])
@@ -101,7 +103,7 @@ def places_along(name: str, kind: str, count: int, moved_m: Sequence[float] = MO
     leg = np.searchsorted(at_m, way, side="right") - 1
     xy = np.column_stack([np.interp(way, at_m, corners[:, axis]) for axis in range(2)])
     yaw = np.arctan2(legs[leg, 1], legs[leg, 0])
-    return _heard(name, kind, world.room, xy, yaw, generator, moved_m)
+    return _heard(name, kind, world.room, xy, yaw, generator, moved_m, device)
 
 
 def _in_training_rooms(kind: str, rooms: int, places: int) -> Place:
@@ -127,8 +129,9 @@ def _heard(
     yaw_rad: F64,
     generator: np.random.Generator,
     moved_m: Sequence[float],
+    device: str = "flat",
 ) -> Place:
-    """What flat phones hear there, and each moved by so much in some direction."""
+    """What phones hear there, and each moved by so much in some direction."""
     today = Circumstances(engine=kind)
     there = as_measured(room) if kind == "diffuse" else room
     scene, engine = scene_of(there), engine_of(today, there, 1)
@@ -137,8 +140,8 @@ def _heard(
         poses = poses_at(
             np.column_stack([at_m, np.full(len(at_m), 1.2)]), yaw_rad, np.full(len(at_m), 0.4)
         )
-        device = built_in_device("flat")
-        return response_of(room_responses(scene, device, poses, air_at(), reach_of(today), engine))
+        phone = built_in_device(device)
+        return response_of(room_responses(scene, phone, poses, air_at(), reach_of(today), engine))
 
     angle = generator.uniform(-np.pi, np.pi, len(xy_m))
     step = np.column_stack([np.cos(angle), np.sin(angle)])
