@@ -227,7 +227,9 @@ def reverberation_s(band: F64, rate_hz: int) -> float:
 
     What would follow the cut is added as an exponential tail (ISO 3382-1:2009, 5.3.3).
     """
-    return float(np.nanmedian([_reverberation_s(row, rate_hz) for row in band]))
+    each = np.array([_reverberation_s(row, rate_hz) for row in band])
+    told = each[np.isfinite(each)]
+    return float(np.median(told)) if len(told) else float("nan")
 
 
 def _reverberation_s(response: F64, rate_hz: int) -> float:
