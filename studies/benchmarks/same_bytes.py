@@ -77,7 +77,7 @@ def mall(do: Do) -> None:
     do("import", "mall", "logs", "walks", "--declare-start")
     do("merge", "walks", "floor", "--by", "wifi,magnetic")
     first = sorted(path.name for path in _folder_of(do, "walks").iterdir())[0]
-    do("map", f"walks/{first}", "run", "--by", "wifi,magnetic,motion")
+    do("map", f"walks/{first}", "run", "--by", "wifi,magnetic")
     do("locate", f"walks/{first}", "floor", "fixes.csv", "--by", "wifi,magnetic")
 
 
