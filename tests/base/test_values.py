@@ -37,7 +37,12 @@ MAKERS: dict[str, Callable[[], Value]] = {
     "Similarity": lambda: values.Similarity(np.zeros((3, 3)), "stub"),
     "Closures": lambda: values.Closures([0], [2], [0.5], np.zeros((1, 3)), np.eye(3)[None, :, :]),
     "PoseGraph": lambda: values.PoseGraph(
-        np.zeros((3, 3)), [[0, 1], [1, 2]], np.zeros((2, 3)), np.zeros((2, 3, 3)), [False, True]
+        np.zeros((3, 3)),
+        [[0, 1], [1, 2]],
+        np.zeros((2, 3)),
+        np.zeros((2, 3, 3)),
+        [False, True],
+        drift_turn_rad=np.zeros(2),
     ),
     "Trajectory": lambda: values.Trajectory(
         T_S, np.zeros((3, 3)), np.zeros((3, 3, 3)), np.zeros(1), "OK"

@@ -80,7 +80,8 @@ def choose_closures(
     limit = float(chi2.ppf(parameters.inlier_probability, 3))
     runs = find_runs(chain_of(graph), forward(closures), parameters.run_reach, limit)
     poses = graph.initial
-    kept = np.zeros(len(closures.edges), dtype=bool) if by_hand is None else by_hand.copy()
+    by_hand = np.zeros(len(closures.edges), dtype=bool) if by_hand is None else by_hand
+    kept = by_hand.copy()
     waiting = np.flatnonzero(runs.size >= parameters.run_closures)
     batch = len(waiting)
     while len(waiting):
@@ -100,7 +101,7 @@ def choose_closures(
         taken = likely | np.isin(runs.middle[waiting], agreed)
         kept |= np.isin(runs.run, waiting[taken])
         waiting, batch = waiting[~taken], 2 * len(agreed)
-    return _revised(graph, closures, kept, poses, limit, parameters)
+    return _revised(graph, closures, kept, by_hand, poses, limit, parameters)
 
 
 def _jointly_consistent(
@@ -151,16 +152,25 @@ def _revised(
     graph: PoseGraph,
     closures: PoseGraph,
     kept: Bool,
+    by_hand: Bool,
     poses: F64,
     limit: float,
     parameters: GraphParameters,
 ) -> tuple[F64, Bool]:
-    """Doubt each closure that does not fit, believe each that fits too well for chance."""
+    """Doubt each closure that does not fit, believe each that fits too well for chance.
+
+    What was made by hand and has no company bends the walk towards itself: it is asked whether it
+    fits what the rest predicts.
+    """
     for _ in range(LAST_ROUNDS):
         poses, equations = _settled(graph, kept, poses, closures.edges[:0], parameters)
         residual = residuals(poses, closures.edges, closures.measurements)
-        wanted = kept & (chi_square(residual, covariance_of_edges(closures)) <= limit)
-        out_of_reach = least_squared(marginal_covariances(equations), poses, closures) > limit
+        known = marginal_covariances(equations)
+        squared, alone = chi_square(residual, covariance_of_edges(closures)), kept & by_hand
+        left_out = left_out_squared(edges_of(closures, alone), poses, known)
+        squared[alone] = np.maximum(squared[alone], left_out)
+        wanted = kept & (squared <= limit)
+        out_of_reach = least_squared(known, poses, closures) > limit
         asked = np.flatnonzero(~kept & ~out_of_reach)
         candidates = edges_of(closures, asked)
         believed = believing(graph, kept)
