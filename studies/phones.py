@@ -161,7 +161,7 @@ def _likeness(phones: Sequence[Heard]) -> Iterator[Record]:
 def _echo(response: F64) -> F32 | None:
     """The echo of a chirp through a response; None where the front end finds no chirps."""
     try:
-        return echoes_of(response[None])[0]
+        return np.asarray(echoes_of(response[None])[0])
     except InputError:
         return None
 
