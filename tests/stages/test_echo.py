@@ -6,10 +6,12 @@ import dataclasses
 import tracemalloc
 from collections.abc import Sequence
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import numpy.testing as npt
 import pytest
+import soundfile
 from scipy import signal
 
 from elfslam.base.arrays import F32, F64
@@ -24,6 +26,7 @@ from elfslam.stages.echo import (
     sound,
     to_echo_rate,
 )
+from elfslam.stages.echo.arrivals import find_frames
 
 RATE_HZ = 44_100
 FRAME = 4_410
@@ -528,3 +531,21 @@ def test_a_long_stream_is_filtered_block_by_block_as_if_at_once(
     monkeypatch.setattr(sound, "FILTERED_AT_ONCE", 777)
     blocks = sound.matched_envelope(samples, chirp)
     npt.assert_allclose(blocks, whole, atol=1e-5 * float(whole.max()))
+
+
+def test_a_real_phone_with_a_chirp_of_its_own_is_followed_through_its_slips(
+    shared_data: Path,
+) -> None:
+    """An iPhone that plays a linear chirp of its own every 200 ms; its stream slips and returns."""
+    folder = shared_data / "phones"
+    played, rate_hz = soundfile.read(folder / "iphone_ranging_played.wav", dtype="float32")
+    recorded, _ = soundfile.read(folder / "iphone_ranging.wav", dtype="float32", always_2d=True)
+    chirp = Chirp(played[: rate_hz // 10], rate_hz, 0.2, np.array([10_000.0, 20_000.0]))
+    parameters = dataclasses.replace(PARAMETERS, minimum_duration_s=1.0)
+    frames = find_frames(Audio(recorded.T, rate_hz), chirp, parameters)
+    late = np.diff(frames.arrivals.samples) - round(0.2 * RATE_HZ)
+    slipped = np.abs(late) > 2
+    assert len(frames.arrivals.samples) >= 0.98 * len(recorded) / (0.2 * rate_hz)
+    assert 0.2 < slipped.mean() < 0.6
+    assert (np.abs(np.abs(late[slipped]) - 10) <= 2).all()
+    assert abs(late.sum()) <= 12
