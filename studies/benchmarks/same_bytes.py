@@ -39,7 +39,7 @@ TIMED = re.compile(
     rb'"(?:elfslam|version|made_at|date|commit|software)": "[^"]*"|\d{4}-\d\d-\d\d[T ][\d:.Z+]*'
 )
 MALL_WALKS = 4
-PLACE = {"origin": "47.3769,8.5417,90", "name": "Studio", "category": "office", "address": "1 Way",
+PLACE = {"origin": "47.3769,8.5417,90", "name": "Studio", "category": "businesscampus", "address": "1 Way",
          "locality": "Zurich", "country": "CH", "level": "0", "ordinal": "0"}  # fmt: skip
 Do = Callable[..., None]
 
@@ -146,9 +146,11 @@ def _serving(do: Do) -> Iterator[httpx.Client]:
         assert process.stdout is not None
         url, token = process.stdout.readline().strip().partition("&")[0].split("/#token=")
         bearer = {"Authorization": f"Bearer {token}"}
-        with httpx.Client(base_url=url, headers=bearer, timeout=180) as client:
-            yield client
-        process.terminate()
+        try:
+            with httpx.Client(base_url=url, headers=bearer, timeout=180) as client:
+                yield client
+        finally:
+            process.terminate()
 
 
 def _exports(client: httpx.Client, walk: Path) -> dict[str, bytes]:
