@@ -39,7 +39,7 @@ TIMED = re.compile(
     rb'"(?:elfslam|version|made_at|date|commit|software)": "[^"]*"|\d{4}-\d\d-\d\d[T ][\d:.Z+]*'
 )
 MALL_WALKS = 4
-PLACE = {"origin": "47.3769,8.5417,90", "name": "Studio", "category": "businesscampus", "address": "1 Way",
+PLACE = {"origin": "47.3769,8.5417,90", "name": "Studio", "category": "hotel", "address": "1 Way",
          "locality": "Zurich", "country": "CH", "level": "0", "ordinal": "0"}  # fmt: skip
 Do = Callable[..., None]
 
