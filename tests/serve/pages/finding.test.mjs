@@ -5,14 +5,9 @@ import { test } from "node:test";
 
 import { venueOf } from "../../../src/elfslam/serve/pages/desk/maps_view.js";
 import {
-  chosenOf,
-  firstOrder,
-  forgetGone,
-  mapChange,
-  matching,
-  sorted,
-  SORTS,
+  SORTS, chosenOf, firstOrder, forgetGone, matching, sorted,
 } from "../../../src/elfslam/serve/pages/desk/lists.js";
+import { mapChange } from "../../../src/elfslam/serve/pages/desk/renaming.js";
 import { sharedWords } from "../../../src/elfslam/serve/pages/desk/sharing.js";
 import { linkIn } from "../../../src/elfslam/serve/pages/shared/api.js";
 import { byName, grouped, placeOf } from "../../../src/elfslam/serve/pages/shared/places.js";

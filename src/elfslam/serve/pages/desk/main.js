@@ -1,19 +1,19 @@
 // The desk page: who is here, which page of it is open, and what it shows.
 
-import { linkIn, openLink, Problem, request, requestJson, secretIn } from "../shared/api.js";
-import { h, icon, morph, onActions, one } from "../shared/dom.js";
-import { formatAgo } from "../shared/format.js";
+import { Problem, linkIn, openLink, requestJson, secretIn } from "../shared/api.js";
+import { h, morph, onActions, one } from "../shared/dom.js";
 import { languageChoice, t } from "../shared/words.js";
-import { askPerson, confirmDelete, field, orSay, showPerson } from "./dialogs.js";
+import { orSay } from "./dialogs.js";
 import { jobActions, jobsView } from "./jobs_view.js";
-import { cell, choosing, firstOrder, forgetGone, headOf, iconButton, rowHead, tableOf, tickBoxes } from "./lists.js";
+import { choosing, firstOrder, forgetGone, tickBoxes } from "./lists.js";
 import { openMap } from "./map_page.js";
 import { mapActions, mapsView } from "./maps_view.js";
 import { openRecording } from "./recording_page.js";
 import { recordingActions, recordingsView } from "./recordings_view.js";
-import { blankPage, invitation, pageOf, showDoor, showWho, whoIsHere } from "./session.js";
+import { blankPage, pageOf, showDoor, showWho, whoIsHere } from "./session.js";
 import { isOpen, keepKnown, poll } from "./store.js";
 import { onDrop, uploader } from "./uploads.js";
+import { userActions, usersView } from "./users_view.js";
 
 /**
  * @typedef {object} Desk what every page of the desk can use
@@ -22,7 +22,7 @@ import { onDrop, uploader } from "./uploads.js";
  * @property {ReturnType<typeof uploader> | null} uploads
  * @property {Set<string>} chosen rows of lists
  * @property {Record<string, import("./lists.js").Order>} orders of lists
- * @property {User[]} users
+ * @property {import("./users_view.js").User[]} users
  * @property {() => Promise<void>} now ask the server again
  * @property {() => void} render
  * @property {() => number} nowMs
@@ -248,50 +248,4 @@ async function openGuest(link) {
     main.replaceChildren(blankPage(t("This link opens nothing"), problem instanceof Error ? problem.message : String(problem),
       h("button", { type: "button", class: "button", click: () => location.reload() }, t("Try again"))));
   }
-}
-
-// The people with a token: the owner lets them in and out.
-
-/** @typedef {{id: string, name: string, is_owner: boolean, created_utc: string}} User */
-
-const INVITED = t("Scan it with their phone, or send them the address. It is shown this once and kept nowhere.");
-const COLUMNS = [t("Name"), t("Since"), t("Actions")];
-
-/** @param {Desk} desk */
-export function usersView({ users, nowMs }) {
-  const invite = h("button", { type: "button", class: "button primary", "data-action": "invite" }, icon("plus"), t("Invite somebody"));
-  return h("div", { class: "page" },
-    headOf(t("People"), t("Everyone sees their own recordings and maps, and the maps that others share with them."), invite),
-    tableOf(t("People"), COLUMNS, users.map((user) => rowOf(user, nowMs()))));
-}
-
-/** @param {User} user @param {number} nowMs */
-function rowOf({ id, name, is_owner, created_utc }, nowMs) {
-  return h("tr", { "data-key": id, role: "row" },
-    rowHead(h("strong", null, name), is_owner && h("span", { class: "badge" }, t("Owner"))),
-    cell(t("Since"), formatAgo(created_utc, nowMs)),
-    h("td", { class: "actions", role: "cell" }, !is_owner && iconButton("trash", "delete", id, t("Delete {{name}} and all that is theirs", { name }), "danger")));
-}
-
-/** @param {Desk} desk */
-export function userActions(desk) {
-  return {
-    async invite() {
-      const body = field(t("Name"), { name: "name", required: true, maxlength: "60", autocomplete: "off" });
-      const answer = await askPerson({ title: t("Invite somebody"), body, submit: t("Make a code") });
-      if (!answer) return;
-      await orSay(async () => {
-        const made = await requestJson("/api/users", { method: "POST", json: { name: String(answer.get("name")).trim() } });
-        await desk.now();
-        await showPerson(t("A code for {{name}}", { name: made.name }), invitation(made.url, INVITED));
-      });
-    },
-    async delete(/** @type {string} */ id) {
-      const user = desk.users.find((each) => each.id === id);
-      if (!user) return;
-      if (!(await confirmDelete(user.name, t("Their recordings, jobs and maps are deleted with them, also for those whom they shared them with, and their code opens nothing any more.")))) return;
-      await orSay(() => request(`/api/users/${encodeURIComponent(id)}`, { method: "DELETE" }));
-      await desk.now();
-    },
-  };
 }

@@ -6,7 +6,7 @@ import { h, icon, one, svg } from "../shared/dom.js";
 import { t, woven } from "../shared/words.js";
 import { qrcode } from "../vendor/qrcode-generator/qrcode.mjs";
 import { orSay, say, showPerson } from "./dialogs.js";
-import { renameMe } from "./lists.js";
+import { renameMe } from "./renaming.js";
 
 /** @typedef {{id: string, name: string, is_owner: boolean, used_bytes: number, limits: any}} Me */
 
