@@ -102,7 +102,7 @@ def test_places_tapped_on_the_plan_come_with_the_walk(
     phone.page.fill("#mark-name", 'Door, "left"')
     write_the_next_at_once(phone.page, "Somewhere")
     phone.page.click("text=I am here")
-    assert phone.page.input_value("#mark-name") == ""
+    phone.page.wait_for_function("!document.getElementById('mark-name').value")
     phone.walk(2)
     phone.page.get_by_role("button", name="I am at Way in again").click()
     phone.page.get_by_role("button", name='I am at Door, "left" again').wait_for()
