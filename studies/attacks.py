@@ -285,7 +285,7 @@ def poisson_interval(count: int) -> tuple[float, float]:
 
 STUDY = Study(
     "Which attacks on a phone that is located are detected, and which move its fix?",
-    measure_attacks, minutes=60, long=True,
+    measure_attacks, minutes=27, long=True,
     fast={"worlds": {"studio": 1}, "seeds": (100,), "levels_db": (10.0,),
           "kinds": ("alone", "noise"), "mapping_rounds": 1},
 )  # fmt: skip

@@ -85,6 +85,6 @@ def known_above(least: float) -> Settings:
 
 STUDY = Study(
     "From what similarity on should a place be reported?",
-    measure_fix_thresholds, minutes=60, long=True,
+    measure_fix_thresholds, minutes=4, long=True,
     fast={"worlds": ("studio",), "seeds": (100,), "rounds": 2},
 )  # fmt: skip
