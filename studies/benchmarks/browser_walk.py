@@ -15,6 +15,7 @@ import argparse
 import io
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -28,7 +29,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page, TimeoutError, sync_playwright
 
 from elfslam.base.values import Imu, Truth
 from elfslam.data.recordings import write_recording
@@ -81,6 +82,7 @@ LATE_S = 0.1
 """What the motion sensors read may come so late; a walk without a turn of which is another walk."""
 HELD_UP_S = 0.3
 """What a process that only sleeps may be held up in a walk; beyond, sound and motion suffer too."""
+SENT, SENT_MS = re.compile("map is being made|map is ready|The walk is on the server"), 300_000
 PAUSE_S = 0.6
 """Silence by which the room knows the chirps of the walk from those of the probe."""
 
@@ -180,6 +182,15 @@ def walk_in_browser(page: Page, address: str, course: Course, room: Any, name: s
         if held_up_s() > HELD_UP_S:
             raise RuntimeError(f"an idle process {TOO_LATE}: {held_up_s():.2f} s in all")
     page.click("#stop")
+
+
+def _wait_until_sent(page: Page) -> None:
+    """Until the server has the walk: its map may be made, or refused, before anybody looks."""
+    try:
+        page.get_by_text(SENT).first.wait_for(timeout=SENT_MS)
+    except TimeoutError as error:
+        said = " ".join(page.inner_text("main").split())[:500]
+        raise RuntimeError(f"the walk is not sent: {said}") from error
 
 
 def _move(sensors: MotionSensors, course: Course, begun_s: float) -> float:
@@ -317,7 +328,7 @@ def walk_and_map(course: Course, folder: Path, name: str, seed: int = 0) -> tupl
             page = context.new_page()
             page.on("pageerror", lambda error: print("page:", error.stack or error, flush=True))
             walk_in_browser(page, address, course, room, name)
-            page.get_by_text("map is being made").wait_for(timeout=120_000)
+            _wait_until_sent(page)
         return download(address, folder), finished_map(address, folder)
 
 

@@ -148,7 +148,7 @@ def test_its_map_is_as_good_as_that_of_the_walk_without_a_browser(
     browser_walk = benchmark("browser_walk")
     write_truth(browser_walk.truth_of(loop.course, loop.recorded), tmp_path)
     errors = browser_walk.errors_of(loop.run, tmp_path)
-    assert errors["aligned"] < 0.6 * errors["dead reckoning, aligned"]
+    assert errors["aligned"] < 0.75 * errors["dead reckoning, aligned"]
     assert errors["aligned"] < 0.25
 
 
