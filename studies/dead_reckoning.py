@@ -32,7 +32,17 @@ from elfslam.stages.motion import (
     dead_reckon,
 )
 from elfslam.world.device import BMI160, BROWSER
+from elfslam.world.imu import read_imu
 from elfslam.world.simulate import load_world
+from elfslam.world.walker import (
+    TYPICAL_CADENCE_HZ,
+    TYPICAL_SPEED_MPS,
+    Walker,
+    random_walker,
+)
+from elfslam.world.walker import (
+    walk as walk_laps,
+)
 from studies.cached import simulate
 from studies.results import Record, seeds_text
 from studies.study import Study, StudyContext
@@ -56,6 +66,19 @@ TRUE_LEG, UNTURNED, COMPASS, COMPASS_KNOWN, ROTATION = (
 LENGTH_KNOWN = f"{TRUE_LEG}, length known"
 AS_HELD = "50 Hz, as held"
 DEAD_RECKONING = "dead reckoning"
+LENGTHS = {
+    "bounce and walk ratio": MotionParameters(),
+    "bounce alone": replace(MotionParameters(), walk_ratio_sigma=10.0),
+}
+LENGTH_ERROR, LENGTH_BIAS, LENGTH_SPREAD = (
+    "path length error (%)", "path length bias (%)", "path length spread (%)",
+)  # fmt: skip
+SLOW, SLOW_WALKERS, SLOW_RATE_HZ = "slow walkers", 20, 50.0
+HALL_M = np.array([[0.0, 0.0], [40.0, 0.0], [40.0, 12.0], [0.0, 12.0]])
+WALK_RATIO_M_PER_HZ, WALK_RATIO_SPREAD = 0.384, 0.08
+"""Of adults (Sekiya and Nagasaki 1998): 0.0064 m per step a minute."""
+LEG_M, PASSED_ON = 0.9, (0.5, 0.9)
+"""A leg as inverted pendulum raises the body by step^2 / 8 leg; a hand passes so much of it on."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +123,13 @@ def measure_dead_reckoning(
     for name, some in floors.items():
         records += _error_sources(name, some)
         records += _consistency(Record(DEAD_RECKONING, world=name), some, WAYPOINT_SIGMA_M)
+    crowds = {**floors, "mall": [walk for some in floors.values() for walk in some]}
+    crowds = {
+        **(crowds if floors else {}),
+        SLOW: list(slow_walks(range(FIRST_SEED, FIRST_SEED + SLOW_WALKERS))),
+    }
+    for name, some in crowds.items():
+        records += _step_lengths(name, some)
     of = Record(DEAD_RECKONING, world="simulated", seeds=drawn)
     return [*records, *_consistency(of, simulated, 0.0)]
 
@@ -252,6 +282,25 @@ def _calibrated(walks: Sequence[ReckonedWalk]) -> list[float]:
     return scored
 
 
+def _step_lengths(world: str, walks: Sequence[ReckonedWalk]) -> Iterator[Record]:
+    """How far paths are from their true lengths, by bounce and walk ratio or by bounce alone."""
+    for method, parameters in LENGTHS.items():
+        shares = np.array([100 * length_error(walk, parameters) for walk in walks])
+        of = Record(method, LENGTH_ERROR, world=world)
+        yield replace(_summed_up(of, np.abs(shares) / 100), metric=LENGTH_ERROR)
+        yield replace(of, metric=LENGTH_BIAS, value=float(np.median(shares)))
+        yield replace(of, metric=LENGTH_SPREAD, value=float(np.std(shares)))
+
+
+def length_error(walk: ReckonedWalk, parameters: MotionParameters) -> float:
+    """How much longer than its truth a path is reckoned, as a share."""
+    odometry = dead_reckon(walk.imu, parameters)
+    matched = match(odometry.t_s, odometry.world_from_body, walk.truth)
+    begin, end = (int(np.searchsorted(odometry.t_s, each)) for each in matched.t_s[[0, -1]])
+    reckoned_m = path_length_m(odometry.world_from_body[begin : end + 1, :2])
+    return reckoned_m / path_length_m(matched.truth[:, :2]) - 1
+
+
 def _consistency(
     of: Record, walks: Sequence[ReckonedWalk], truth_sigma_m: float
 ) -> Iterator[Record]:
@@ -339,6 +388,32 @@ def simulated_walks(
                 if recording.imu is not None:
                     some.append(ReckonedWalk(f"{name} {seed}", recording.imu, truth))
             yield name, round(grade.rate_hz), some
+
+
+def slow_walks(seeds: Sequence[int]) -> Iterator[ReckonedWalk]:
+    """Slow walkers along a hall: their walk ratio is the population's, and a hand takes of the
+    bounce of an inverted pendulum what it likes."""
+    for seed in seeds:
+        generator = np.random.default_rng([seed, 1])
+        walker = slow_walker(generator)
+        motion = walk_laps(walker, HALL_M, 1, generator)
+        truth = Truth(motion.t_s, np.column_stack([motion.position_m[:, :2], motion.yaw_rad]))
+        imu = read_imu(motion, replace(BMI160, rate_hz=SLOW_RATE_HZ), generator)
+        yield ReckonedWalk(f"{SLOW} {seed}", imu, truth)
+
+
+def slow_walker(generator: np.random.Generator) -> Walker:
+    """Someone at 0.8 to 1.1 m/s: cadence by a walk ratio drawn as gait studies found it."""
+    speed_mps = generator.uniform(0.8, 1.1)
+    ratio = WALK_RATIO_M_PER_HZ * np.exp(WALK_RATIO_SPREAD * generator.standard_normal())
+    step_m = np.sqrt(speed_mps * ratio)
+    cadence_hz = speed_mps / step_m
+    return replace(
+        random_walker(generator),
+        speed_mps=speed_mps,
+        step_factor=speed_mps / TYPICAL_SPEED_MPS / (cadence_hz / TYPICAL_CADENCE_HZ) ** 2,
+        bounce_m=generator.uniform(*PASSED_ON) * step_m**2 / (16 * LEG_M),
+    )
 
 
 def resampled(walk: ReckonedWalk, rate_hz: float) -> ReckonedWalk:

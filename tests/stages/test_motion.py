@@ -34,6 +34,8 @@ from elfslam.world.simulate import load_world, simulate
 PARAMETERS = MotionParameters()
 TILTED = Rotation.from_euler("xyz", [35, -20, 50], degrees=True)
 LEVEL = Rotation.identity()
+BY_BOUNCE = replace(PARAMETERS, walk_ratio_sigma=10.0)
+"""Step lengths by the bounce alone."""
 CADENCE_HZ = 1.8
 REST_S = 3.0
 
@@ -91,7 +93,7 @@ def test_footsteps_come_at_the_planted_cadence(cadence_hz, bounce_mps2):
 
 def test_a_straight_walk_has_the_planted_length_and_direction():
     parameters = replace(
-        PARAMETERS, length_power_of_bounce=0.0, length_power_of_cadence=0.0, step_length_m=0.7
+        BY_BOUNCE, length_power_of_bounce=0.0, length_power_of_cadence=0.0, step_length_m=0.7
     )
     odometry = dead_reckon(walk(80, mounting=TILTED), parameters)
     x_m, y_m, heading_rad = odometry.world_from_body[-1]
@@ -162,7 +164,7 @@ def test_each_corner_turns_by_the_planted_angle():
 
 @pytest.mark.parametrize("power", [0.0, 0.4])
 def test_steps_follow_the_powers_of_cadence_and_bounce(power):
-    parameters = replace(PARAMETERS, length_power_of_bounce=power, length_power_of_cadence=-power)
+    parameters = replace(BY_BOUNCE, length_power_of_bounce=power, length_power_of_cadence=-power)
 
     def usual_length(**options):
         imu = walk(40, **options)
@@ -173,6 +175,35 @@ def test_steps_follow_the_powers_of_cadence_and_bounce(power):
     assert usual_length(bounce_mps2=3.5) / usual == pytest.approx(1.4**power, rel=0.02)
     quicker = usual_length(cadence_hz=2.2) / usual
     assert quicker == pytest.approx((CADENCE_HZ / 2.2) ** power, rel=0.06)  # the band is not flat
+
+
+@pytest.mark.parametrize(
+    ("sigmas", "least", "most"), [((0.001, 10.0), -0.01, 0.01), ((1.0, 0.001), 0.99, 1.01)]
+)
+def test_bounce_and_walk_ratio_are_weighed_by_their_sigmas(sigmas, least, most):
+    imu, (bounce, ratio) = walk(40, bounce_mps2=1.5), sigmas
+    wanted = replace(PARAMETERS, bounce_law_sigma=bounce, walk_ratio_sigma=ratio)
+    footsteps = find_footsteps(imu, PARAMETERS)
+    joined, alone = (
+        np.median(np.log(lengths_between(level(imu, each), footsteps, each)))
+        for each in (wanted, BY_BOUNCE)
+    )
+    by_ratio = np.log(PARAMETERS.walk_ratio_m_per_hz * CADENCE_HZ)
+    assert least <= (joined - alone) / (by_ratio - alone) <= most
+
+
+@pytest.mark.parametrize(("cadence_hz", "length_m"), [(1.35, 0.53), (1.52, 0.6), (1.7, 0.68)])
+def test_slow_walkers_steps_are_within_an_eighth(cadence_hz, length_m):
+    by_bounce_m = length_m * np.interp(cadence_hz, (1.35, 1.7), (0.79, 0.75))
+    bounce = (by_bounce_m / 0.7) ** 2.5 * (cadence_hz / 1.8) ** 1.25 * 3.0  # rms
+    imu = walk(60, cadence_hz=cadence_hz, bounce_mps2=bounce / np.sqrt(0.58))
+    footsteps = find_footsteps(imu, PARAMETERS)
+    alone, joined = (
+        np.median(lengths_between(level(imu, each), footsteps, each))
+        for each in (BY_BOUNCE, PARAMETERS)
+    )
+    assert alone < 0.85 * length_m
+    assert joined == pytest.approx(length_m, rel=0.125)
 
 
 @pytest.mark.parametrize("rate_hz", [50.0, 60.0, 100.0])

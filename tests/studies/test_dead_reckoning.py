@@ -131,3 +131,12 @@ def test_one_bent_leg_is_cured_by_directions_of_legs() -> None:
     found = end_errors(bent, TRUE_M)
     assert found["true heading of the whole walk"] > 0.02
     assert found["true direction of every leg"] == pytest.approx(0, abs=1e-9)
+
+
+def test_slow_walkers_paths_are_within_an_eighth_by_their_walk_ratio() -> None:
+    walks = list(study.slow_walks(range(100, 106)))
+    found = {each.method: each for each in study._step_lengths("slow", walks)
+             if each.metric == study.LENGTH_ERROR}  # fmt: skip
+    joined, alone = (found[each].value for each in study.LENGTHS)
+    assert joined < 0.75 * alone
+    assert joined < 12

@@ -37,7 +37,7 @@ class MotionParameters:
         1.0, "", "step length of this walker, relative to a stranger's", 0.3, 3.0
     )
     step_scale_sigma: float = parameter(
-        0.06, "", "how uncertain that is: 0.02 once calibrated", 0.0, 1.0
+        0.08, "", "how uncertain that is: 0.02 once calibrated", 0.0, 1.0
     )
     step_length_m: float = parameter(
         0.7, "m", "step length at the typical cadence and bounce", 0.1, 1.5
@@ -56,6 +56,18 @@ class MotionParameters:
     )
     typical_bounce_mps2: float = parameter(
         3.0, "m/s2", "bounce (rms) at which step_length_m holds", 0.1, 50.0
+    )
+    bounce_law_sigma: float = parameter(
+        0.08, "", "how far a stranger's steps are from that law, relative to it", 0.001, 1.0
+    )
+    bounce_law_sigma_if_slow: float = parameter(
+        3.0, "", "what that gains by every logarithm of slower steps", 0.0, 100.0
+    )
+    walk_ratio_m_per_hz: float = parameter(
+        0.384, "m s", "step length over cadence: 6.4 mm per step a minute", 0.1, 1.0
+    )
+    walk_ratio_sigma: float = parameter(
+        0.12, "", "how far a stranger's is from it, relative to it", 0.001, 10.0
     )
     shortest_step_m: float = parameter(0.3, "m", "a stranger's steps are never shorter", 0.05, 2.0)
     longest_step_m: float = parameter(1.2, "m", "a stranger's steps are never longer", 0.3, 3.0)

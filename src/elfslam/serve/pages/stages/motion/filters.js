@@ -250,6 +250,7 @@ export function wrapAngle(angleRad) {
  * @typedef {{tS: number, fromS: number, moveM: number[], sigma: number[]}} Step from one footstep to the
  *   next: forward m, left m, turn rad, seen from the first, and the sigma of each
  * @typedef {{
+ *   bounce_law_sigma: number, bounce_law_sigma_if_slow: number,
  *   bounce_window_s: number, cadence_high_hz: number, cadence_low_hz: number, forward_sigma: number,
  *   gravity_cutoff_hz: number, heading_sigma_rad: number, heading_window_s: number, lateral_sigma: number,
  *   least_bounce_mps2: number, least_duration_s: number, least_interval_s: number,
@@ -258,7 +259,7 @@ export function wrapAngle(angleRad) {
  *   longest_step_m: number, pause_intervals: number, pause_length_m: number, relative_bounce: number,
  *   setting_off_sigma_rad: number, shortest_step_m: number, step_length_m: number, step_scale: number,
  *   still_accel_mps2: number, still_gyro_radps: number, still_s: number, still_tremor_radps: number,
- *   typical_bounce_mps2: number, typical_cadence_hz: number,
+ *   typical_bounce_mps2: number, typical_cadence_hz: number, walk_ratio_m_per_hz: number, walk_ratio_sigma: number,
  * }} MotionParameters the group "motion", as far as pages need it
  */
 export {};

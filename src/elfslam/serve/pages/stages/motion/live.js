@@ -270,10 +270,22 @@ export function lengthsBetween({ tS, rateHz }, bounce, footstepsS, parameters) {
  */
 function walkedM(bounceMps2, cadenceHz, parameters) {
   const inBandHz = clipped(cadenceHz, parameters.cadence_low_hz, parameters.cadence_high_hz);
-  const lengthM = parameters.step_length_m
+  const byBounceM = parameters.step_length_m
     * (bounceMps2 / parameters.typical_bounce_mps2) ** parameters.length_power_of_bounce
     * (inBandHz / parameters.typical_cadence_hz) ** parameters.length_power_of_cadence;
+  const lengthM = withWalkRatio(byBounceM, inBandHz, parameters);
   return clipped(lengthM, parameters.shortest_step_m, parameters.longest_step_m);
+}
+
+/**
+ * The law of the bounce and the walk ratio, weighted by their precisions: the slower, the less the law knows.
+ * @param {number} byBounceM @param {number} cadenceHz @param {MotionParameters} parameters
+ */
+function withWalkRatio(byBounceM, cadenceHz, parameters) {
+  const slower = Math.log(Math.max(parameters.typical_cadence_hz / cadenceHz, 1));
+  const variance = parameters.bounce_law_sigma ** 2 + (parameters.bounce_law_sigma_if_slow * slower) ** 2;
+  const weight = 1 / (1 + variance / parameters.walk_ratio_sigma ** 2);
+  return byBounceM ** weight * (parameters.walk_ratio_m_per_hz * cadenceHz) ** (1 - weight);
 }
 
 /** @param {number} value @param {number} low @param {number} high */
