@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from playwright.sync_api import Browser, Page, TimeoutError, sync_playwright
+from playwright.sync_api import Browser, Page, sync_playwright
 
 from elfslam.base.values import Imu, Truth
 from elfslam.data.recordings import write_recording
@@ -82,7 +82,7 @@ LATE_S = 0.1
 """What the motion sensors read may come so late; a walk without a turn of which is another walk."""
 HELD_UP_S = 0.3
 """What a process that only sleeps may be held up in a walk; beyond, sound and motion suffer too."""
-SENT, SENT_MS = re.compile("map is being made|map is ready|The walk is on the server"), 300_000
+SETTLED, SETTLED_MS = re.compile("map is being made|map is ready|walk is on the server|Not sent"), 3e5
 PAUSE_S = 0.6
 """Silence by which the room knows the chirps of the walk from those of the probe."""
 
@@ -186,11 +186,9 @@ def walk_in_browser(page: Page, address: str, course: Course, room: Any, name: s
 
 def _wait_until_sent(page: Page) -> None:
     """Until the server has the walk: its map may be made, or refused, before anybody looks."""
-    try:
-        page.get_by_text(SENT).first.wait_for(timeout=SENT_MS)
-    except TimeoutError as error:
-        said = " ".join(page.inner_text("main").split())[:500]
-        raise RuntimeError(f"the walk is not sent: {said}") from error
+    page.locator("#finish-said").filter(has_text=SETTLED).wait_for(timeout=SETTLED_MS)
+    if "Not sent" in page.inner_text("#finish-said"):
+        raise RuntimeError(f"the walk is not sent: {page.inner_text('#finish-trouble')}")
 
 
 def _move(sensors: MotionSensors, course: Course, begun_s: float) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.testing as npt
 import pytest
@@ -98,6 +100,15 @@ def test_a_walk_mapped_without_echoes_lacks_no_sound() -> None:
 def test_phones_that_take_turns_are_not_said_to_be_silent() -> None:
     recording = Recording("walk", "planted", audio=sound(60.0), imu=motion((0, 60)))
     assert missing(recording, echoes((0.5, 60), every_s=0.9)) == []
+
+
+def test_a_phone_that_listens_before_it_chirps_lacks_no_sound() -> None:
+    recording = Recording("walk", "planted", audio=sound(20.0), imu=motion((0, 20)))
+    listened = replace(recording, played_t_s=np.arange(2.5, 20, 0.1))
+    assert missing(recording, echoes((2.5, 20)))[0][:2] == ("sound", 0.0)
+    assert missing(listened, echoes((2.5, 20))) == []
+    (late,) = missing(listened, echoes((6, 20)))
+    assert late == ("sound", 2.5, 6.0)
 
 
 def test_of_a_stretch_only_what_is_missing_within_it_counts() -> None:

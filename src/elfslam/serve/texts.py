@@ -10,6 +10,8 @@ from typing import Annotated
 from pydantic import AfterValidator, BaseModel, BeforeValidator, Field
 
 MOST_CHARACTERS = 120
+MOST_FILE_BYTES = 200
+"""File systems take names of 255."""
 MOST_AT_ONCE = 2_000
 """As many recordings as a user may have."""
 FORBIDDEN = ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")
@@ -45,6 +47,11 @@ def as_line(text: object, otherwise: str) -> str:
     """What can be kept of a text from a file: cut, and without what is not printed."""
     kept = [c for c in str(text) if unicodedata.category(c) not in FORBIDDEN]
     return unicodedata.normalize("NFC", "".join(kept)).strip()[:MOST_CHARACTERS] or otherwise
+
+
+def as_file_name(text: str) -> str:
+    """As much of a text as the name of a file may take on any system, with room for more."""
+    return text.encode()[:MOST_FILE_BYTES].decode(errors="ignore")
 
 
 class Many(BaseModel):

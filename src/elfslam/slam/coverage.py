@@ -100,10 +100,18 @@ def missing_of(
     found = _gaps(MOTION, motion, from_s, until_s, parameters.longest_gap_s)
     if echoes is not None and len(echoes.t_s) > 1:
         heard, wait_s = _heard(echoes.t_s)
-        begins_late = heard[0, 0] - from_s > UNHEARD_S
-        first_s = from_s if begins_late else float(heard[0, 0])
+        sounds_s = _first_chirp_s(recording, from_s)
+        begins_late = heard[0, 0] - sounds_s > UNHEARD_S
+        first_s = sounds_s if begins_late else float(heard[0, 0])
         found += _gaps(SOUND, heard, first_s, until_s - wait_s, parameters.longest_gap_s)
     return tuple(sorted(found, key=lambda each: (each.from_s, each.what)))
+
+
+def _first_chirp_s(recording: Recording, from_s: float) -> float:
+    """From when on chirps could be heard: a phone first listens whether others chirp."""
+    played_t_s = recording.played_t_s
+    later = played_t_s[played_t_s >= from_s] if played_t_s is not None else np.empty(0)
+    return float(later[0]) if len(later) else from_s
 
 
 def _heard(t_s: F64) -> tuple[F64, float]:

@@ -21,13 +21,13 @@ from elfslam.serve.sharing.rights import Principal, Right, right_in
 from elfslam.serve.store import blobs
 from elfslam.serve.store.database import reading
 from elfslam.serve.store.tables import JobKind, Map, MapFile, Recording, RecordingFile
+from elfslam.serve.texts import as_file_name
 
 RUN, FLOOR = "run", "floor"
 """Kinds of maps: of one walk, or merged."""
 FLOOR_PLAN = "floor-plan"
 """The one file of a map that is not part of its folder."""
 UNSAFE = re.compile(r"[^\w\- ]+")
-MOST_NAME = 60
 ID_CHARACTERS = 6
 
 Named = dict[str, str]
@@ -66,7 +66,7 @@ def maps_to_merge(session: Session, held: Claim) -> list[Map]:
 
 def file_name(text: str) -> str:
     """A name for people as the name of a file, on any system."""
-    return UNSAFE.sub("_", text).strip(" _")[:MOST_NAME].strip() or "unnamed"
+    return as_file_name(UNSAFE.sub("_", text).strip(" _")).strip() or "unnamed"
 
 
 def gone(what: str) -> InputError:

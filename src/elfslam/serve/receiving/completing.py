@@ -39,7 +39,7 @@ from elfslam.serve.store.tables import (
     Upload,
 )
 from elfslam.serve.store.zips import stem_of
-from elfslam.serve.texts import as_line
+from elfslam.serve.texts import as_file_name, as_line
 
 Begin = Callable[[Session], Recording | None]
 SCRATCH = "reading-"
@@ -196,8 +196,6 @@ def map_job(recording: Recording) -> Job:
 
 MOST_WALKS = 200
 """In one file."""
-MOST_NAME = 60
-"""Characters; file systems count bytes, and take 255."""
 
 
 async def finish_whole(services: Services, upload: Upload) -> Upload:
@@ -227,7 +225,7 @@ def make_recordings(services: Services, upload_id: str) -> Upload:
 def _safe_name(name: str) -> str:
     """The name of an upload as that of a file: importers call their walks so."""
     stem = as_line(stem_of(name), "walk").replace("/", "_").replace("\\", "_").lstrip(".")
-    return f"{stem[:MOST_NAME] or 'walk'}{name[len(stem_of(name)) :].lower()}"
+    return f"{as_file_name(stem) or 'walk'}{name[len(stem_of(name)) :].lower()}"
 
 
 def _most_walks(services: Services, user_id: str) -> int:

@@ -164,7 +164,7 @@ export async function askToMerge(maps) {
   const body = [
     h("p", null, t("Walks that share places are laid over each other and become one floor map. What shares no place with the others is refused.")),
     h("ul", { class: "plain" }, maps.map((map) => h("li", null, map.name))),
-    field(t("Name of the floor map"), { name: "name", required: true, maxlength: "100", value: commonName(maps) }),
+    field(t("Name of the floor map"), { name: "name", required: true, maxlength: "120", value: commonName(maps) }),
   ];
   const answer = await askPerson({ title: counted(maps.length, "Merge {{count}} map", "Merge {{count}} maps"), body, submit: t("Merge") });
   return answer && { kind: "merge", maps: maps.map(({ id }) => id), name: String(answer.get("name")).trim() };

@@ -52,7 +52,7 @@ function rowOf(job, known, nowMs) {
   return h("tr", { "data-key": job.id, role: "row" },
     rowHead(h("span", { class: "kind" }, KINDS[job.kind] ?? job.kind), h("strong", null, title),
       job.attempts > 1 && h("small", null, t("attempt {{number}}", { number: job.attempts }))),
-    stateCell(stateOfJob(job)),
+    stateCell(stateOfJob(job, leftOutOf(job, known))),
     cell(t("Asked"), h("time", { datetime: job.created_utc, title: job.created_utc }, formatAgo(job.created_utc, nowMs))),
     cell(t("Took"), formatDuration(took_s)),
     h("td", { class: "actions", role: "cell" }, outcomeLink(job, known),
@@ -67,15 +67,23 @@ function outcomeLink(job, { maps }) {
   return h("a", { class: "button small", href: `#/maps/${encodeURIComponent(shown)}` }, t("See it"));
 }
 
-/** Badge, progress and what it is at, or the one line of what went wrong. @param {Job} job */
-export function stateOfJob(job) {
+/** How many walks a merge left out. @param {Job} job @param {Known} known */
+function leftOutOf(job, { maps }) {
+  return Object.keys(maps.find(({ id }) => id === job.gave?.map)?.facts?.refused ?? {}).length;
+}
+
+/** Badge, progress and what it is at, or the one line of what went wrong.
+ * @param {Job} job @param {number} [leftOut] walks that share no place with the others */
+export function stateOfJob(job, leftOut = 0) {
   if (job.state === "running") {
     const known = job.share !== null;
     const bar = h("progress", { max: 1, value: known ? job.share : null, "aria-label": t("Progress") });
     return h("div", { class: "doing" }, bar, h("small", null, h("span", { class: "figures" }, formatShare(job.share)), ` ${job.doing ? stageWords(job.doing) : t("starting")}`));
   }
-  const [words, verdict] = isHalf(job) ? HALF : (STATES[job.state] ?? [job.state, "wait"]);
-  const lacks = missingWords(job.gave?.missing, 1);
+  const [words, verdict] = isHalf(job) ? HALF : leftOut > 0 ? [t("Done in part"), "doubt"] : (STATES[job.state] ?? [job.state, "wait"]);
+  const lacks = leftOut > 0
+    ? counted(leftOut, "{{count}} walk shares no place with the others and was left out.", "{{count}} walks share no place with the others and were left out.")
+    : missingWords(job.gave?.missing, 1);
   return [h("span", { class: "badge", "data-verdict": verdict }, words), lacks && h("small", { class: "lacks" }, lacks),
     job.problem && job.state !== "done" && h("small", { class: "problem" }, translated(job.problem))];
 }

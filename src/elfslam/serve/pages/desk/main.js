@@ -111,7 +111,7 @@ function openDesk(me) {
     }
     if (!isWanted()) return;
     main.querySelector("h1")?.focus({ preventScroll: true });
-    scrollTo(0, 0);
+    scrollTo(0, history.state?.scrolledPx ?? 0);
   }
 
   /** @param {typeof THINGS.map | typeof THINGS.recording} kind @param {() => Promise<string>} idOf which one @param {() => boolean} isWanted */
@@ -152,12 +152,19 @@ function openDesk(me) {
     uploads.send(files);
   });
   window.addEventListener("hashchange", () => void open());
+  keepScrolled();
   window.addEventListener("beforeunload", (event) => {
     if (uploads.isBusy()) event.preventDefault();
   });
   showWho(me);
   void open();
   void now();
+}
+
+/** Each address of the history knows how far down it was scrolled, so that Back finds the list where it was. */
+function keepScrolled() {
+  history.scrollRestoration = "manual";
+  window.addEventListener("scrollend", () => history.replaceState({ scrolledPx: scrollY }, ""));
 }
 
 /** @param {string} name of the page that is open */

@@ -26,7 +26,7 @@ export async function openRecording(desk, id, root, isWanted) {
   const curves = h("div", { class: "plots", "aria-busy": "true" }, h("p", { class: "soft" }, t("Reading the sensors…")));
   const changed = () => {
     const now = desk.known.recordings.find((each) => each.id === id) ?? recording;
-    state.replaceChildren(...[stateOf(now, desk.known)].flat(Infinity).filter(Boolean));
+    state.replaceChildren(...[stateOf(now, desk.known, desk.nowMs())].flat(Infinity).filter(Boolean));
   };
   fillFacts(facts, recording, null);
   // What changes a recording, such as cutting its ends off, has its part between these two.

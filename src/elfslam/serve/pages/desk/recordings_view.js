@@ -56,7 +56,7 @@ function rowOf(recording, known, chosen, nowMs) {
     cell(t("When"), h("time", { datetime: created_utc, title: created_utc }, formatAgo(created_utc, nowMs))),
     lengthCell(formatDuration(facts?.duration_s), facts?.footsteps ? h("small", null, counted(facts.footsteps, "{{count, number}} footstep", "{{count, number}} footsteps")) : null),
     cell(t("Size"), formatBytes(bytesOf(recording))),
-    stateCell(stateOf(recording, known)),
+    stateCell(stateOf(recording, known, nowMs)),
     h("td", { class: "actions", role: "cell" },
       ready && h("button", { type: "button", class: "button small", "data-action": "map", "data-id": id }, icon("map"), h("span", null, t("Map", { context: "verb" }), h("span", { class: "visually-hidden" }, ` ${name}`))),
       ready && known.maps.length > 0 && iconButton("locate", "locate", id, t("Locate {{name}} in a map", { name })),
@@ -80,13 +80,20 @@ export function shareCome({ uploads }) {
   return whole === 0 ? 1 : uploads.reduce((sum, upload) => sum + upload.offset_bytes, 0) / whole;
 }
 
-/** @param {Recording} recording @param {Known} known */
-export function stateOf(recording, known) {
+/** Nobody walks for so long without a break. */
+const BROKEN_OFF_MS = 2 * 3600 * 1000;
+
+/** @param {Recording} recording @param {Known} known @param {number} nowMs */
+export function stateOf(recording, known, nowMs) {
   if (recording.state === "refused") {
     return [h("span", { class: "badge", "data-verdict": "fail" }, t("Refused")), h("small", { class: "problem" }, translated(recording.refusal ?? ""))];
   }
   if (recording.state === "receiving") {
     const share = shareCome(recording);
+    if (nowMs - Date.parse(recording.created_utc) > BROKEN_OFF_MS) {
+      return [h("span", { class: "badge", "data-verdict": "fail" }, t("Broken off")),
+        h("small", null, t("The rest is still on the phone: open this server's page there and continue sending. Or delete what has come."))];
+    }
     return [h("span", { class: "badge pulse", "data-verdict": "doubt" }, t("Receiving")),
       share !== null && h("progress", { max: 1, value: share, "aria-label": t("Upload of {{name}}", { name: recording.name }) })];
   }

@@ -38,9 +38,14 @@ export async function shareMap({ id, name }) {
     /** Sends a change; whether it went well. @param {() => Promise<unknown>} deed */
     const save = async (deed) => {
       status.textContent = t("Saving…");
-      const well = await orSay(deed);
-      status.textContent = well ? t("Saved") : t("Not saved; try again");
-      return well;
+      try {
+        await deed();
+        status.textContent = t("Saved");
+        return true;
+      } catch (problem) { // a line at the foot of the page would lie under the dialog
+        status.textContent = problem instanceof Error ? problem.message : String(problem);
+        return false;
+      }
     };
     await showPerson(t("Share {{name}}", { name }), [peoplePart(path, people, shares, save), people.length > 0 && groupPart(path, people, groups, shares, save), linkPart(path, shares, save), status]);
   });

@@ -15,10 +15,10 @@ const INVITED = t("Scan it with their phone, or send them the address. It is sho
 const COLUMNS = [t("Name"), t("Since"), t("Actions")];
 
 /** @param {Desk} desk */
-export function usersView({ users, nowMs }) {
+export function usersView({ me, users, nowMs }) {
   const invite = h("button", { type: "button", class: "button primary", "data-action": "invite" }, icon("plus"), t("Invite somebody"));
   return h("div", { class: "page" },
-    headOf(t("People"), t("Everyone sees their own recordings and maps, and the maps that others share with them."), invite),
+    headOf(t("People"), t("Everyone sees their own recordings and maps, and the maps that others share with them."), me?.is_owner && invite),
     tableOf(t("People"), COLUMNS, users.map((user) => rowOf(user, nowMs()))));
 }
 

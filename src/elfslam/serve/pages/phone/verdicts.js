@@ -18,6 +18,8 @@ const DISTORTIONS = {
   autoGainControl: t("automatic gain"),
 };
 const SAFE_RATE_HZ = ECHO_RATE_HZ;
+/** Every real microphone has noise: where more samples than this are nought, somebody cut it off. */
+const GATED_SHARE = 0.5;
 
 /**
  * Every check, in the order in which they are shown.
@@ -103,6 +105,9 @@ function judgeLevel({ peak, clippedShare, silentShare }) {
   const level = formatLevel(20 * Math.log10(Math.max(peak, 1e-6)));
   if (silentShare > 0.9) {
     return fail(name, t("The microphone gives silence. Allow it in the phone’s settings, and unmute it."));
+  }
+  if (silentShare > GATED_SHARE) {
+    return fail(name, t("Between the chirps the microphone gives pure silence: the browser or another app works on the sound. Try another browser."));
   }
   if (clippedShare > 0.001) {
     return fail(name, t("Far too loud: the microphone is overdriven. Turn the media volume down."));

@@ -51,7 +51,7 @@ async function fetched(path, options) {
 export async function problemOf(response) {
   const { status } = response;
   const told = documentOf(await response.text());
-  if (status === 401 && !response.url.endsWith("/session/code")) return new Problem(NOT_PAIRED, 401);
+  if (status === 401 && !/\/session(\/code)?$/.test(response.url)) return new Problem(NOT_PAIRED, 401);
   return new Problem(lineOf(told) ?? t("The server answered {{status}}.", { status }), status);
 }
 

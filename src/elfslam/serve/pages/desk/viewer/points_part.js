@@ -24,6 +24,8 @@ const CHANGED_MEANWHILE = 409;
 export function pointsOf(mapId, state, { canEdit, redraw, changed }) {
   const path = `/api/maps/${encodeURIComponent(mapId)}/points-of-interest`;
   let version = "";
+  /** @type {HTMLElement | null} */
+  let nameButton = null;
   const bar = h("div", { class: "tie-bar", hidden: true }, h("p", { role: "status" }, t("Tap the place on the map.")),
     h("button", { type: "button", class: "button small", click: () => tap([state.view.x_m, state.view.y_m]) }, t("Type where it is")),
     h("button", { type: "button", class: "button small", click: () => turn(false) }, t("Cancel")));
@@ -66,6 +68,7 @@ export function pointsOf(mapId, state, { canEdit, redraw, changed }) {
     turn(false);
     const made = await askPlace(t("Name this place"), { name: "", kind: "room", x_m, y_m });
     if (made) await save([...state.points, made]);
+    nameButton?.focus(); // the list was made anew, and the button with it
   }
 
   /** @param {PointOfInterest} point */
@@ -97,9 +100,9 @@ export function pointsOf(mapId, state, { canEdit, redraw, changed }) {
   function body() {
     bar.hidden = !state.naming;
     const sorted = [...state.points].sort((one, other) => byName(one.name, other.name));
-    const name = h("button", { type: "button", class: "button", click: () => turn(true) }, icon("plus"), t("Name a place"));
+    nameButton = h("button", { type: "button", class: "button", click: () => turn(true) }, icon("plus"), t("Name a place"));
     return [sorted.length > 0 ? h("ul", { class: "points" }, sorted.map(row)) : h("p", { class: "soft" }, t("Rooms, doors and lifts get a name here: phones tell how far it is to them, and exports carry them.")),
-      canEdit() && h("div", { class: "row" }, name)];
+      canEdit() && h("div", { class: "row" }, nameButton)];
   }
 
   return { load, tap, bar, part: () => part(t("Named places"), body(), "part-points") };
