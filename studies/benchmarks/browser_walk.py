@@ -82,7 +82,10 @@ LATE_S = 0.1
 """What the motion sensors read may come so late; a walk without a turn of which is another walk."""
 HELD_UP_S = 0.3
 """What a process that only sleeps may be held up in a walk; beyond, sound and motion suffer too."""
-SETTLED, SETTLED_MS = re.compile("map is being made|map is ready|walk is on the server|Not sent"), 3e5
+SETTLED, SETTLED_MS = (
+    re.compile("map is being made|map is ready|walk is on the server|Not sent"),
+    3e5,
+)
 PAUSE_S = 0.6
 """Silence by which the room knows the chirps of the walk from those of the probe."""
 

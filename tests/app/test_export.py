@@ -19,7 +19,7 @@ from elfslam.base.errors import InputError, ParameterError, StoreError
 from elfslam.data.geographic import Origin, from_lon_lat
 from elfslam.data.imdf import Venue
 from elfslam.data.map_exports import read_g2o
-from elfslam.data.map_files import ENCODER, FACTS, MAP, read_facts, read_map
+from elfslam.data.map_files import ENCODER, FACTS, MAP, read_facts
 from elfslam.data.position_files import read_tum
 from elfslam.data.recordings import write_recording
 from elfslam.data.runs import read_run
@@ -66,17 +66,12 @@ def test_the_encoder_is_the_one_beside_the_map(run: Path, tmp_path: Path) -> Non
 
 def test_a_map_alone_becomes_what_a_run_does(run: Path, tmp_path: Path) -> None:
     told = ExportContext(Origin(47.0, 8.0), PLACE)
-    spots = read_map(run)
     for to in (Format.GEOJSON, Format.PARQUET, Format.IMDF):
         export(run, tmp_path / "of_run", to, told, overwrite=True)
         export(run / MAP, tmp_path / "of_map", to, told, overwrite=True)
         if to != Format.IMDF:
             assert (tmp_path / "of_run").read_bytes() == (tmp_path / "of_map").read_bytes()
     assert faults_of(read_imdf(tmp_path / "of_map")) == []
-    export(run / MAP, tmp_path / "map.tum", Format.TUM)
-    numbers, poses = read_tum(tmp_path / "map.tum")
-    npt.assert_allclose(numbers, np.arange(len(spots.xy_m)))
-    npt.assert_allclose(poses[:, :2], spots.xy_m, atol=1e-8)
     export(run, tmp_path / "floor.yaml", Format.ROS, ExportContext(pixel_m=0.1))
     assert "resolution: 0.1" in (tmp_path / "floor.yaml").read_text()
 

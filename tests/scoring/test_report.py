@@ -184,7 +184,7 @@ def test_the_page_of_a_map(tmp_path: Path, floor_map: FloorMap) -> None:
     seen = outline(tmp_path / "map.html")
     assert "<i>Monday</i>" in seen.text
     assert "compact-1" in seen.text
-    assert '"name":"walk 1"' in figures_of(tmp_path / "map.html")
+    assert '"name":"walk 2"' in figures_of(tmp_path / "map.html")
 
 
 def test_tables_show_what_is_missing_as_a_dash() -> None:

@@ -85,16 +85,9 @@ def map_of(source: Path) -> FloorMap:
 
 
 def _tum(source: Path, out: Path, context: ExportContext) -> None:
-    """The straightened trajectory; of a map its spots in their order, numbered for want of time."""
-    if (source / FACTS).is_file():
-        trajectory = _run(source).trajectory
-        t_s, poses = trajectory.t_s, trajectory.world_from_body
-    else:
-        floor_map = map_of(source)
-        rows = np.lexsort((floor_map.order, floor_map.walk))
-        poses = np.column_stack([floor_map.xy_m, floor_map.heading_rad])[rows]
-        t_s = np.arange(len(rows), dtype=np.float64)
-    write_tum(out, t_s, poses)
+    """The straightened trajectory."""
+    trajectory = _run(source).trajectory
+    write_tum(out, trajectory.t_s, trajectory.world_from_body)
 
 
 def _g2o(source: Path, out: Path, context: ExportContext) -> None:
@@ -152,7 +145,10 @@ def _parquet(source: Path, out: Path, context: ExportContext) -> None:
 
 def _run(source: Path) -> Run:
     if not (source / FACTS).is_file():
-        raise InputError(f"{source}: wanted a run folder, found no {FACTS}; name one")
+        raise InputError(
+            f"{source}: wanted the run of one walk, got a map, which keeps neither times nor "
+            f"closures (no {FACTS}); export each walk's run"
+        )
     return read_run(source)
 
 

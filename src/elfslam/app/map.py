@@ -85,8 +85,8 @@ def refuse_unclosed(run: Run) -> None:
     """Raise NoAnswerError where closures were looked for and none held."""
     if run.trajectory.status != "OK" and run.similarity.kind != "motion":
         raise NoAnswerError(
-            f"{run.name}: no loop closure held, the trajectory is dead reckoning; "
-            "walk at least two rounds of the same route"
+            f"{run.name}: no loop closure held, so the map is as far off as the steps are; "
+            "walk the same way at least twice, in the same direction, and map that"
         )
 
 

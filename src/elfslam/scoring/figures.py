@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -75,11 +76,20 @@ def styled(figure: go.Figure, *, height_px: int = 360) -> go.Figure:
 
 
 def plan(traces: Sequence[go.Scatter], *, height_px: int = 620) -> go.Figure:
-    """A view from above with equal axes in metres."""
+    """A view from above with equal axes in metres; its aspect is kept for narrow screens."""
     figure = styled(go.Figure(list(traces)), height_px=height_px)
+    spans_m = [np.ptp(_known([trace[axis] for trace in figure.data])) for axis in "xy"]
+    figure.update_layout(meta={"aspect": round(float(spans_m[1] / max(spans_m[0], 1e-3)), 3)})
     figure.update_xaxes(title_text="x (m)")
     figure.update_yaxes(title_text="y (m)", scaleanchor="x", scaleratio=1)
     return figure
+
+
+def _known(columns: Sequence[F64]) -> F64:
+    """All finite values of some columns; a nought where there is none."""
+    values = np.concatenate([np.zeros(1), *columns]) if not columns else np.concatenate(columns)
+    finite = values[np.isfinite(values)]
+    return finite if len(finite) else np.zeros(1)
 
 
 def lifted(xy_m: F64, t_s: F64) -> F64:
@@ -188,7 +198,8 @@ def map_traces(floor_map: FloorMap, *, faint: bool = False) -> list[go.Scatter]:
         rows = np.flatnonzero(floor_map.walk == walk)
         xy_m = floor_map.xy_m[rows[np.argsort(floor_map.order[rows], kind="stable")]]
         color = TRUTH if faint else WALKS[index % len(WALKS)]
-        name = f"walk {walk}" if len(walks) > 1 else "map"
+        names = floor_map.sources if len(walks) > 1 else ("map",)
+        name = html.escape(names[index]) if index < len(names) else f"walk {walk + 1}"
         trace = _scatter(xy_m, name=name, mode="lines+markers", opacity=0.5 if faint else 0.9)
         trace.update(marker={"color": color, "size": 5}, line={"color": color, "width": 1})
         traces.append(trace)

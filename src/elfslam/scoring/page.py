@@ -42,7 +42,13 @@ header p { color: var(--soft); margin: 2px 0 0; }
 .tile span { color: var(--soft); font-size: .82rem; }
 .panels { display: grid; gap: 16px;
   grid-template-columns: repeat(auto-fit, minmax(min(100%, 460px), 1fr)); }
-.panel { padding: 14px 16px 10px; min-width: 0; overflow-x: auto; }
+.panel { padding: 14px 16px 10px; min-width: 0; overflow-x: auto;
+  /* A shadow at the side where more of a table waits. */
+  background: linear-gradient(to right, var(--card) 40%, transparent) 0 / 40px 100% no-repeat local,
+    linear-gradient(to left, var(--card) 40%, transparent) 100% / 40px 100% no-repeat local,
+    linear-gradient(to right, rgb(0 0 0 / .3), transparent) 0 / 12px 100% no-repeat scroll,
+    linear-gradient(to left, rgb(0 0 0 / .3), transparent) 100% / 12px 100% no-repeat scroll,
+    var(--card); }
 .panel.wide { grid-column: 1 / -1; }
 table { border-collapse: collapse; width: 100%; font-size: .9rem; }
 th, td { text-align: left; padding: 5px 12px 5px 0; border-bottom: 1px solid var(--line);
@@ -64,12 +70,19 @@ SCRIPT = f"plotly-{get_plotlyjs_version()}.min.js"
 """What draws the figures, by name."""
 LINK = re.compile(r'<script src="(plotly-[^"/]+\.min\.js)"></script>')
 FIT = f"""<script>
+const narrow = document.querySelector("main").clientWidth < 640;
+if (window.Plotly) for (const plot of document.querySelectorAll(".js-plotly-plot")) {{
+  const aspect = narrow && plot.layout.meta?.aspect;
+  const height = Math.min(620, 150 + aspect * (plot.clientWidth - 68));
+  if (aspect) Plotly.relayout(plot, {{ height }});
+}}
 if (window.Plotly) dispatchEvent(new Event("resize"));
 else document.querySelector("header").insertAdjacentHTML("beforeend",
   "<p>{SCRIPT} is missing beside this page, so figures are not drawn: copy it here, or run " +
   "<code>elfslam show RUN PAGE.html</code>.</p>");
 </script>"""
-"""Figures were drawn while the page was still short of panels: each takes the width it has now."""
+"""Figures were drawn while the page was still short of panels: each takes the width it has now. On
+a phone a plan is as high as it is wide there, so that it fills its frame."""
 CONFIG = {"responsive": True, "displayModeBar": False}
 
 

@@ -243,7 +243,11 @@ def _evidence_panels(run: Run, parameters: Mapping[str, object]) -> list[Panel]:
     threshold = float(found) if isinstance(found, int | float) else None
     matrix = charts.similarity_figure(run.similarity, run.closures)
     panels = [
-        Panel("Similarity of footsteps", matrix, "Darker is more similar; dots are closures."),
+        Panel(
+            "Similarity of footsteps",
+            matrix,
+            "The stronger the colour, the more similar; dots are closures.",
+        ),
         Panel("Spread of the similarity", charts.histogram_figure(run.similarity, threshold)),
         Panel("Steps", charts.steps_figure(run.odometry, run.echoes)),
         Panel("Heading", charts.heading_figure(run.odometry, run.trajectory)),

@@ -123,14 +123,14 @@ def test_what_an_export_needs_is_said_in_a_line(
     owner: TestClient, keep_map: Keep, services: Services
 ) -> None:
     base = f"/api/maps/{keep_map(owner, 'floor')}/exports"
-    assert owner.get(base).json() == ["tum", "onnx", "geojson", "imdf", "ros", "parquet"]
+    assert owner.get(base).json() == ["onnx", "geojson", "imdf", "ros", "parquet"]
     for path, params, words in (
         ("geojson", {}, "origin: a map does not know where"),
         ("geojson", {"origin": "95,8"}, "wanted LAT,LON"),
         ("imdf", {**ORIGIN, "name": "Studio"}, "category: imdf asks for category, address"),
         ("imdf", {**ORIGIN, **PLACE, "category": "palace"}, "category"),
         ("ros", {"resolution_m": "7"}, "resolution_m: got 7, wanted"),
-        ("g2o", {}, "floor: wanted a run folder"),
+        ("g2o", {}, "floor: wanted the run of one walk"),
     ):
         answer = owner.get(f"{base}/{path}", params=params)
         assert answer.status_code == 422, path

@@ -6,19 +6,21 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
+import elfslam.app.map
 import elfslam.serve
 
 FOR_PROGRAMS = ("Upload-", "Tus-", "Content-", "filename ", "wanted either Upload-")
 """Said to whoever writes another client: no page of ours is answered so."""
-SAID = ("Problem", "unknown_token", "not_found")
+SAID = ("Problem", "unknown_token", "not_found", "NoAnswerError")
 """Of the last, what it is that is not there."""
 
 
 def refusals() -> set[str]:
     """Every text that a page may be answered with and that stands in the source as it is."""
+    mapping = Path(elfslam.app.map.__file__)
     texts = {
         text
-        for file in Path(elfslam.serve.__path__[0]).rglob("*.py")
+        for file in (mapping, *Path(elfslam.serve.__path__[0]).rglob("*.py"))
         for text in _said(ast.parse(file.read_text(encoding="utf-8")))
     }
     return {text for text in texts if not text.startswith(FOR_PROGRAMS)}

@@ -102,7 +102,8 @@ class ExportOptions(BaseModel):
 
 def formats_of(named: Named) -> list[Format]:
     """What a map can become that consists of these files."""
-    lacking = {Format.G2O: FACTS not in named, Format.ONNX: ENCODER not in named}
+    is_map = FACTS not in named
+    lacking = {Format.TUM: is_map, Format.G2O: is_map, Format.ONNX: ENCODER not in named}
     return [each for each in Format if not lacking.get(each, False)]
 
 
