@@ -61,13 +61,13 @@ class MotionParameters:
         0.08, "", "how far a stranger's steps are from that law, relative to it", 0.001, 1.0
     )
     bounce_law_sigma_if_slow: float = parameter(
-        3.0, "", "what that gains by every logarithm of slower steps", 0.0, 100.0
+        4.0, "", "what that gains by every logarithm of slower steps", 0.0, 100.0
     )
     walk_ratio_m_per_hz: float = parameter(
         0.384, "m s", "step length over cadence: 6.4 mm per step a minute", 0.1, 1.0
     )
     walk_ratio_sigma: float = parameter(
-        0.12, "", "how far a stranger's is from it, relative to it", 0.001, 10.0
+        0.15, "", "how far a stranger's is from it, relative to it", 0.001, 10.0
     )
     shortest_step_m: float = parameter(0.3, "m", "a stranger's steps are never shorter", 0.05, 2.0)
     longest_step_m: float = parameter(1.2, "m", "a stranger's steps are never longer", 0.3, 3.0)
