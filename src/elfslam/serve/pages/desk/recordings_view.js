@@ -43,7 +43,7 @@ function shownRecordings(recordings, { find, by }) {
 /** @param {Known} known */
 function nothing(known) {
   return emptyPage(known, "phone", t("No recordings yet"), 
-    woven("Open {{page}} on a phone and walk, or drop recordings here.", { page: h("a", { href: "./" }, t("the phone page")) }));
+    woven("Open {{page}} on a phone and walk, or drop recordings here. Without a phone, a simulated walker goes there for you.", { page: h("a", { href: "./" }, t("the phone page")) }));
 }
 
 /** @param {Recording} recording @param {Known} known @param {Set<string>} chosen @param {number} nowMs */

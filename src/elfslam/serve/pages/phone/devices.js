@@ -84,7 +84,7 @@ export function stayAwake(refusal) {
  * @param {import("../stages/chirp.js").Chirp} chirp
  * @returns {Sound}
  */
-function startSound(microphone, storage, chirp) {
+export function startSound(microphone, storage, chirp) {
   const worker = new Worker(new URL("./sound.worker.js", import.meta.url), { type: "module" });
   const listeners = new Map();
   /** @type {Sound["on"]} */

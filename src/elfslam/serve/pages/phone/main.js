@@ -22,10 +22,14 @@ import { judge, summarise } from "./verdicts.js";
 const WITHOUT_SERVER =
   t("The server does not answer. The maps on this phone work without it, and a walk is kept until it is back.");
 
+/** Of a simulated walker, for who is in a hurry. */
+const FAST = 4;
+
 const storage = startStorage();
 /**
  * @typedef {import("./devices.js").Devices & {measured: import("./probe.js").Measured | null,
  *   choice: import("./microphone.js").Choice | null}} Phone
+ * @typedef {{speed: number, who: "walk" | "other"}} Simulated
  * @typedef {import("./sending.js").Sent} Sent
  * @typedef {ReturnType<typeof import("./finishing.js").startSending>} Sending
  */
@@ -35,10 +39,10 @@ const storage = startStorage();
  * @type {{
  *   chirp: import("../stages/chirp.js").Chirp, software: string, phone: Phone | null, walks: Sent[],
  *   mediumAccess: import("../stages/medium_access.js").MediumAccessParameters,
- *   current?: Sent, sending?: Sending, begun?: Promise<void>, isGuest: boolean,
- * }} current: the walk that is shown; isGuest: a link brought somebody here
+ *   current?: Sent, sending?: Sending, begun?: Promise<void>, isGuest: boolean, simulated: Simulated | null,
+ * }} current: the walk that is shown; isGuest: a link brought somebody here; simulated: instead of this phone
  */
-const page = { chirp: CHIRP, mediumAccess: MEDIUM_ACCESS, software: "elfslam", phone: null, walks: [], isGuest: false };
+const page = { chirp: CHIRP, mediumAccess: MEDIUM_ACCESS, software: "elfslam", phone: null, walks: [], isGuest: false, simulated: null };
 
 /**
  * Runs what a tap starts; what goes wrong is said in one line.
@@ -110,6 +114,7 @@ async function pairByHand() {
 }
 
 async function allow() {
+  if (page.simulated) forgetPhone(null);
   await openPhone();
   await probe();
 }
@@ -118,10 +123,38 @@ async function allow() {
 async function openPhone() {
   if (page.phone && (await resume(page.phone.microphone.context))) return page.phone;
   page.phone?.microphone.close();
+  if (page.simulated) return openSimulated(page.simulated);
   page.phone = { ...(await openDevices(storage, page.chirp, page.mediumAccess)), measured: null, choice: null };
   watchForInterruptions(page.phone);
   navigator.storage?.persist?.();
   return page.phone;
+}
+
+/** @param {Simulated} simulated @returns {Promise<Phone>} */
+async function openSimulated({ who, speed }) {
+  const { fetchWalk, simulatedDevices } = await import("./simulated_walker.js");
+  const walked = await fetchWalk(who);
+  const devices = simulatedDevices(walked, speed, storage, page.chirp, () => {
+    if (loaded.recording?.isOn()) stop();
+    loaded.locating?.stopFor(t("The simulated walk is over."));
+  });
+  page.phone = { ...devices, measured: null, choice: null };
+  return page.phone;
+}
+
+/** Another one is opened next. @param {Simulated | null} simulated */
+function forgetPhone(simulated) {
+  page.simulated = simulated;
+  page.phone?.microphone.close();
+  page.phone = null;
+}
+
+/** Who has no phone watches a simulated walker: one who maps a lounge, or somebody else who is looked for in it. */
+async function simulate() {
+  const isFast = /** @type {HTMLInputElement} */ (at("simulated-fast")).checked;
+  forgetPhone({ who: "walk", speed: isFast ? FAST : 1 });
+  at("walk-name").value = t("A simulated walk");
+  await walk();
 }
 
 /** Once the phone is opened. */
@@ -321,11 +354,19 @@ async function walking() {
   }));
 }
 
+/** A simulated phone is carried by somebody else where it is looked for. @returns {Promise<Phone>} */
+async function openAsking() {
+  if (page.simulated && page.simulated.who !== "other") {
+    forgetPhone({ ...page.simulated, who: "other" });
+  }
+  return openPhone();
+}
+
 /** What locates. */
 async function placing() {
   const { makeLocating } = await import("./locating/locating.js");
   return (loaded.locating ??= makeLocating({
-    devices: openPhone, act, problem: showProblem, paired: () => /** @type {Promise<void>} */ (page.begun),
+    devices: openAsking, act, problem: showProblem, paired: () => /** @type {Promise<void>} */ (page.begun),
   }));
 }
 
@@ -338,6 +379,7 @@ storage.onKept(({ walk: key, sizes }) => {
 });
 at("pair").addEventListener("submit", act(pairByHand));
 at("allow").addEventListener("click", act(allow));
+at("simulate").addEventListener("click", act(simulate));
 at("where").addEventListener("click", act(listMaps));
 at("maps-back").addEventListener("click", () => showView("start"));
 at("probe-again").addEventListener("click", act(probe));
