@@ -34,11 +34,13 @@ class Camera:
         self.pictures: list[Image.Image] = []
 
     def take(self, count: int = HOLD) -> None:
-        """The page as it is, for so many pictures."""
+        """The page as it is, for so many pictures; nobody watches one for longer."""
         shot = Image.open(io.BytesIO(self._page.screenshot())).convert("RGB")
         size = (WIDTH_PX, round(shot.height * WIDTH_PX / shot.width))
         small = shot.resize(size, Image.Resampling.LANCZOS)
-        self.pictures += count * [small.quantize(COLOURS, dither=Image.Dither.NONE)]
+        picture = small.quantize(COLOURS, dither=Image.Dither.NONE)
+        same = [each for each in self.pictures[-HOLD:] if each.tobytes() == picture.tobytes()]
+        self.pictures += (count - len(same)) * [picture]
 
     def until(self, happened: Callable[[], bool], most: int = 240) -> None:
         """A picture every half second. Raises RuntimeError where it never happens."""
@@ -79,14 +81,15 @@ def save(pictures: list[Image.Image], file: Path) -> None:
 
 def main() -> None:
     """Make the film anew."""
-    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
-        with serving(Path(folder) / "data") as address:
-            browser: Any = playwright.chromium.launch(
-                executable_path=CHROMIUM, args=["--no-sandbox"]
-            )
-            page = browser.new_page(viewport=PHONE, color_scheme="light")
-            save(play(page, address), FILM)
-            browser.close()
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        serving(Path(folder) / "data") as address,
+        sync_playwright() as playwright,
+    ):
+        browser: Any = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page(viewport=PHONE, reduced_motion="reduce")
+        save(play(page, address), FILM)
+        browser.close()
     print(f"{FILM}: {FILM.stat().st_size / 1e6:.1f} MB")
 
 
