@@ -1,7 +1,8 @@
 """Are simulated phones like real ones? What each hears of itself and of the room, side by side.
 
 Measured: phones in a hand or on a table that play a sweep and record themselves
-(LibAcousticSensing, MIT). Simulated: ordinary phones along the routes of development worlds.
+(LibAcousticSensing, MIT). Simulated: the devices that were modelled on them, and ordinary phones,
+along the routes of development worlds.
 Levels are against the peak of the direct sound; noise is that of a single chirp after pulse
 compression. Of measured ones it is an upper bound: what a loudspeaker distorts counts as noise.
 """
@@ -10,13 +11,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 
 from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import InputError
+from elfslam.slam.front_end import LEAST_OVER_NOISE_DB
 from elfslam.stages.chirp import ChirpParameters, make_chirp
+from elfslam.world.device import MEASURED as MODELLED
 from elfslam.world.device import built_in_device
 from studies.plain_features import ELF, ROOT, compared_encoders
 from studies.real_rooms import own
@@ -36,13 +40,13 @@ from studies.study import Study, StudyContext
 
 FILE = Path("phones") / "responses.npz"
 WORLDS, DEVICES = ("studio", "lounge", "hall"), ("ordinary phone", "other ordinary phone")
-"""Development worlds, and the simulated phones that are to be like real ones."""
+"""Development worlds, and simulated phones that are not modelled on measured ones."""
+ROOMS = ("studio", "lounge")
+"""Where the modelled ones are heard: rooms, as those of the measured phones seem to be."""
 PLACES = 40
 MEASURED, SIMULATED = "measured", "simulated"
 SWEEP_GAIN_DB = 26.0
 """What the sweep of four seconds gains over a chirp of 10 ms."""
-LEAST_OVER_NOISE_DB = 0.0
-"""Where echoes of the first window lie under the noise of a chirp, no single echo tells a place."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,11 +67,17 @@ def measure_phones(
     *,
     worlds: Sequence[str] = WORLDS,
     devices: Sequence[str] = DEVICES,
+    rooms: Sequence[str] = ROOMS,
+    modelled: Sequence[str] = tuple(MODELLED),
     places: int = PLACES,
 ) -> list[Record]:
     """Statistics of what each phone hears, by window of delay; and how repeats are known again."""
     assert context.data is not None
-    heard = [*measured_phones(context.data / FILE), *simulated_phones(worlds, devices, places)]
+    heard = measured_phones(context.data / FILE)
+    for name in modelled:
+        heard.append(simulated_phone(MODELLED[name].setup, name, rooms, places))
+    for name, world in product(devices, worlds):
+        heard.append(simulated_phone(f"{name}, {world}", name, (world,), places))
     repeats = [each for each in heard if each.kind == MEASURED and len(each.responses) > 1]
     return [record for each in heard for record in _records(each)] + list(_likeness(repeats))
 
@@ -84,13 +94,18 @@ def measured_phones(file: Path) -> list[Heard]:
     return [Heard(name, MEASURED, responses[its], noise_rms[its]) for name, its in rows.items()]
 
 
-def simulated_phones(worlds: Sequence[str], devices: Sequence[str], places: int) -> Iterator[Heard]:
-    """Simulated phones along the routes of worlds."""
-    for device in devices:
-        for world in worlds:
-            heard = places_along(world, "diffuse", places, (), device).responses
-            noise_rms = np.full(len(heard), compressed_noise_rms(device))
-            yield Heard(f"{device}, {world}", SIMULATED, heard, noise_rms)
+def simulated_phone(name: str, device: str, worlds: Sequence[str], places: int) -> Heard:
+    """A simulated phone along the routes of worlds, as a sweep with its noise would measure it."""
+    clean = [places_along(world, "diffuse", places, (), device).responses for world in worlds]
+    return as_swept(name, np.concatenate(clean), compressed_noise_rms(device))
+
+
+def as_swept(name: str, responses: F64, noise_rms: float) -> Heard:
+    """Responses with what is left of a chirp's noise in their band after a long sweep."""
+    share = (BAND_HZ[1] - BAND_HZ[0]) / (RATE_HZ / 2)
+    noise = np.random.default_rng(0).standard_normal(responses.shape) / np.sqrt(share)
+    left = noise_rms * 10 ** (-SWEEP_GAIN_DB / 20)
+    return Heard(name, SIMULATED, responses + left * noise, np.full(len(responses), noise_rms))
 
 
 def compressed_noise_rms(device: str) -> float:
@@ -173,6 +188,9 @@ def _cosines(vectors: F32) -> F64:
 
 STUDY = Study(
     "Are simulated phones like real ones, by what they hear of themselves and of the room?",
-    measure_phones, minutes=2, data=(str(FILE),),
-    fast={"worlds": ("studio",), "devices": ("ordinary phone",), "places": 6},
+    measure_phones, minutes=3, data=(str(FILE),),
+    fast={
+        "worlds": ("studio",), "devices": ("ordinary phone",), "rooms": ("studio",),
+        "modelled": ("galaxy s4 mic 1", "iphone 5c up in hand"), "places": 6,
+    },
 )  # fmt: skip

@@ -12,17 +12,25 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from elfslam.app.map import MapJob, map_into, map_many, map_recording, unit_of
+from elfslam.app.map import (
+    MapJob,
+    map_into,
+    map_many,
+    map_recording,
+    refuse_unclosed,
+    unit_of,
+)
 from elfslam.app.settings import Settings
 from elfslam.app.workers.processes import Processes
 from elfslam.base.enums import Modality
-from elfslam.base.errors import InputError, StoreError
+from elfslam.base.errors import InputError, NoAnswerError, StoreError
 from elfslam.base.parameters import load
 from elfslam.base.values import Audio, Imu, Recording, silent
 from elfslam.data.baseband import frame_starts_s, to_baseband
 from elfslam.data.recordings import write_recording
 from elfslam.scoring import report
 from elfslam.stages.chirp import make_chirp
+from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import load_world, simulate
 
 JOB = MapJob((Modality.MOTION,), None, "spectral", Settings(), overwrite=False)
@@ -161,6 +169,18 @@ def test_what_a_phone_could_record_is_mapped_and_the_rest_said(
             assert (each["from_s"], each["until_s"]) == pytest.approx(HOLE_S, abs=0.2)
     elif lacks:
         assert missing[0]["until_s"] - missing[0]["from_s"] == pytest.approx(0.8, abs=0.2)
+
+
+def test_a_phone_that_cannot_map_is_named_as_the_cause(tmp_path: Path) -> None:
+    today = Circumstances(device="iphone 5c down")
+    write_recording(
+        simulate(load_world("studio"), 111, rounds=1, circumstances=today)[0], tmp_path / "walk"
+    )
+    run = map_into(tmp_path / "run", tmp_path / "walk", HEARD, silent)
+    (note,) = json.loads((tmp_path / "run" / "run.json").read_text())["notes"]
+    assert "under the noise of a chirp" in note
+    with pytest.raises(NoAnswerError, match="under the noise of a chirp"):
+        refuse_unclosed(run)
 
 
 def test_spots_lie_where_the_whole_walk_has_them(heard: Recording) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -25,9 +26,11 @@ from elfslam.slam.front_end import (
     dead_reckoning_nodes,
     extract_echoes,
     extract_query_echoes,
+    too_noisy,
 )
 from elfslam.slam.parameters import Parameters
 from elfslam.stages.feature import Encoder, load_encoder
+from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import simulate
 from elfslam.world.world_file import load_world
 from tests.stages.magnetic_walk import walk
@@ -55,6 +58,37 @@ def test_a_walk_at_48_khz_gives_the_same_echoes(encoder: Encoder) -> None:
     npt.assert_allclose(slow.t_s[:count], fast.t_s[:count], atol=1e-3)
     same = np.sum(encoder.embed(slow.samples[:count]) * encoder.embed(fast.samples[:count]), axis=1)
     assert np.median(same) > 0.9
+
+
+@pytest.mark.parametrize(
+    ("device", "said"),
+    [
+        ("iphone 5c down", "echoes lie 1[0-9] dB under the noise of a chirp, wanted 8 dB over it"),
+        (
+            "galaxy s5 mic 1",
+            "echoes lie [1-6] dB over the noise .* uncover the microphone .*",
+        ),
+        ("galaxy s4 mic 1", None),
+        ("ordinary phone", None),
+    ],
+)
+def test_a_phone_that_cannot_map_is_told_from_one_that_can(device: str, said: str | None) -> None:
+    today = Circumstances(device=device, engine="diffuse")
+    walk = simulate(load_world("studio"), 7, rounds=1, circumstances=today)[0]
+    told = too_noisy(extract_echoes(walk, PARAMETERS))
+    assert told is None if said is None else re.match(said, str(told))
+
+
+def test_what_hears_nothing_at_all_is_refused() -> None:
+    today = Circumstances(device="iphone 5c up in hand")
+    walk = simulate(load_world("studio"), 7, rounds=1, circumstances=today)[0]
+    with pytest.raises(InputError, match=r"no chirps .*, or by another microphone or phone"):
+        extract_echoes(walk, PARAMETERS)
+
+
+def test_echoes_of_which_nobody_measured_the_noise_are_not_blamed(recording: Recording) -> None:
+    echoes = extract_echoes(recording, PARAMETERS)
+    assert too_noisy(dataclasses.replace(echoes, over_noise_db=float("nan"))) is None
 
 
 @pytest.mark.parametrize("stretch", [(0.0, 1e6), (3.0, 8.0)])

@@ -549,3 +549,29 @@ def test_a_real_phone_with_a_chirp_of_its_own_is_followed_through_its_slips(
     assert 0.2 < slipped.mean() < 0.6
     assert (np.abs(np.abs(late[slipped]) - 10) <= 2).all()
     assert abs(late.sum()) <= 12
+
+
+def noisy_stream(over_db: float) -> F32:
+    """Chirps with a Gaussian tail from 8 to 30 ms behind them, so far over noise (compressed)."""
+    generator, chirp = np.random.default_rng(8), chirp_at().samples
+    response = np.zeros(FRAME)
+    response[0], response[353:1323] = 1.0, 0.02 * generator.standard_normal(970)
+    power = np.abs(np.fft.rfft(chirp, 8192)) ** 2
+    noise = 0.02 * np.sqrt(np.sum(power**2) / np.sum(power) / 10 ** (over_db / 10))
+    heard = signal.fftconvolve(np.tile(response, 60), chirp)
+    return (0.2 * (heard + noise * generator.standard_normal(len(heard)))).astype(np.float32)
+
+
+@pytest.mark.parametrize("over_db", [-6.0, 0.0, 9.0, 20.0])
+def test_echoes_are_as_far_over_the_noise_as_planted(over_db: float) -> None:
+    assert cut(noisy_stream(over_db)).over_noise_db == pytest.approx(over_db, abs=1.5)
+
+
+@pytest.mark.parametrize(("over_db", "low_db", "high_db"), [(-6, -7, -4), (0, -1, 3), (9, 8, 40)])
+def test_frames_tell_of_much_noise_and_are_not_blamed_for_little(
+    over_db: float, low_db: float, high_db: float
+) -> None:
+    """Phones keep frames, from 5 ms before the direct sound to 75 ms after it."""
+    samples = noisy_stream(over_db)
+    at = (np.arange(len(samples)) + 220) % FRAME
+    assert low_db < cut(samples * (at < 220 + 3308)).over_noise_db < high_db

@@ -14,11 +14,15 @@ from elfslam.world.device import (
     BAND_BINS,
     BMI160,
     BROWSER,
+    CHIRP_GAIN_DB,
     DEVICES,
     GRADES,
+    HEARING,
     ICM20948,
     LSM6DSO,
+    MEASURED,
     Device,
+    as_loud,
     band_hz,
     built_in_device,
     built_in_grade,
@@ -39,7 +43,10 @@ PINNED = {
     "other ordinary phone": [1.649372, 0.704209, 1.961191, 0.57631],
 }
 """Responses at bins 0, 200, 400 and 629."""
-ORDINARY = ("ringing", "speaker_lobes", "microphone_lobes", "noise_rms", "gain_control")
+ORDINARY = (
+    "ringing", "speaker_lobes", "microphone_lobes", "gain_control", "near_field",
+    "direct_gain", "level", "noise_rms",
+)  # fmt: skip
 
 
 @given(seed=st.integers(0, 2**32 - 1), ripple_db=st.floats(0.5, 30.0))
@@ -52,7 +59,7 @@ def test_the_ripple_is_the_one_asked_for(seed: int, ripple_db: float) -> None:
     assert np.abs(np.diff(level_db)).max() < 0.06 * ripple_db
 
 
-@pytest.mark.parametrize("name", DEVICES)
+@pytest.mark.parametrize("name", PINNED)
 def test_the_built_in_phones_are_fixed_for_all_time(name: str) -> None:
     phone = built_in_device(name)
     assert phone.name == name
@@ -107,7 +114,38 @@ def test_random_phones_are_ordinary_when_asked() -> None:
         if item.name not in ORDINARY:
             assert repr(getattr(phone, item.name)) == repr(getattr(plain, item.name))
     assert (len(phone.ringing) >= 2) > len(plain.ringing)
-    assert phone.noise_rms > 1e-4
+    assert phone.near_field is not None
+    assert plain.near_field is None
+
+
+def noise_over_direct_db(phone: Device) -> float:
+    """Of a compressed chirp, over a flat phone's direct sound."""
+    direct = phone.level * phone.direct_gain / phone.separation_m
+    return float(20 * np.log10(phone.noise_rms / direct)) - CHIRP_GAIN_DB
+
+
+@pytest.mark.parametrize("noise_db", [-60.0, -20.0, 25.0])
+def test_a_phone_is_as_noisy_as_asked_for_within_full_scale(noise_db: float) -> None:
+    flat = as_loud(built_in_device("flat"), -50.0, noise_db)
+    assert noise_over_direct_db(flat) == pytest.approx(noise_db)
+    direct = flat.level * flat.direct_gain / flat.separation_m
+    assert direct + 4 * flat.noise_rms == pytest.approx(0.5)
+
+
+def test_echoes_that_are_10_db_softer_have_a_direct_sound_10_db_louder() -> None:
+    soft, loud = (as_loud(built_in_device("tablet"), echo_db, -40.0) for echo_db in (-60.0, -50.0))
+    assert soft.direct_gain / loud.direct_gain == pytest.approx(10**0.5)
+
+
+def test_drawn_phones_are_like_those_that_hear_the_room() -> None:
+    """As far apart as the measured ones, and none of them as the one that hears nothing."""
+    assert {each.setup for each in MEASURED.values()} > {each.setup for each in HEARING}
+    generator = np.random.default_rng(6)
+    phones = [random_device(generator, ordinary=True) for _ in range(400)]
+    drawn_db = np.array([noise_over_direct_db(phone) for phone in phones])
+    known_db = np.array([each.noise_db for each in HEARING])
+    assert np.median(drawn_db) == pytest.approx(np.median(known_db), abs=4.0)
+    assert np.ptp(np.quantile(drawn_db, [0.1, 0.9])) == pytest.approx(np.ptp(known_db), rel=0.3)
 
 
 def test_random_phones_differ_in_geometry_and_clock() -> None:

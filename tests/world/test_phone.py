@@ -13,7 +13,7 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import ParameterError
 from elfslam.base.values import Chirp
 from elfslam.stages.chirp import ChirpParameters, make_chirp
-from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, Device, built_in_device
+from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, Device, band_hz, built_in_device
 from elfslam.world.materials import material
 from elfslam.world.paths import MOST_REFLECTIONS, Reach
 from elfslam.world.phone import (
@@ -31,7 +31,7 @@ from elfslam.world.phone import (
 from elfslam.world.pulses import BASEBAND_HZ, CARRIER_HZ, absorption_db_per_m
 from elfslam.world.room import box, shoebox
 from elfslam.world.scene import Scene, scene_of
-from elfslam.world.transducers import Lobes, Resonance, ringing
+from elfslam.world.transducers import HAND, Lobes, Resonance, near_field, ringing
 
 C64 = npt.NDArray[np.complex64]
 PLAIN = Device(
@@ -224,3 +224,14 @@ def test_a_phone_rings_after_the_sound() -> None:
     chirp_end = round(44_100 * (20 / BASEBAND_HZ + 0.010)) + 20
     late = slice(chirp_end, chirp_end + 60)
     assert np.linalg.norm(rung[late]) > 3 * np.linalg.norm(plain[late])
+
+
+def test_the_holder_scatters_echoes_and_leaves_the_direct_sound() -> None:
+    poses, gain = some_poses(3), np.fft.ifftshift(near_field(HAND, band_hz()))
+    bare, held = (
+        room_responses(scene(), phone, poses) for phone in (PLAIN, replace(PLAIN, near_field=HAND))
+    )
+    air, ends = air_at(), ends_of(PLAIN, poses)
+    echoes = image_echoes(scene(), ends, poses.people_m, air, Reach())
+    scattered = np.fft.ifft(np.fft.fft(echoes, axis=1) * gain, axis=1)
+    np.testing.assert_allclose(held - bare, scattered - echoes, atol=2e-5)

@@ -37,7 +37,7 @@ from elfslam.learn.parameters import FinetuneParameters
 from elfslam.slam import pipeline as slam
 from elfslam.slam.coverage import Missing, missing_of
 from elfslam.slam.crop import crop
-from elfslam.slam.front_end import extract_echoes
+from elfslam.slam.front_end import extract_echoes, too_noisy
 from elfslam.slam.merging.members import MergeParameters
 from elfslam.slam.parameters import Parameters
 from elfslam.stages.checkpoints import lies_on_plan
@@ -84,6 +84,9 @@ def map_into(
 def refuse_unclosed(run: Run) -> None:
     """Raise NoAnswerError where closures were looked for and none held."""
     if run.trajectory.status != "OK" and run.similarity.kind != "motion":
+        noisy = run.echoes is not None and too_noisy(run.echoes)
+        if noisy:
+            raise NoAnswerError(f"{run.name}: no loop closure held; {noisy}")
         raise NoAnswerError(
             f"{run.name}: no loop closure held, so the map is as far off as the steps are; "
             "walk the same way at least twice, in the same direction, and map that"
@@ -209,7 +212,9 @@ def mapped_run(
     """The run of a recording, the facts that run.json states, and the encoder as a file."""
     recording = read_recording(path, job.parameters.chirp)
     made = map_recording(recording, job, announce)
-    encoder = made.encoder
+    encoder, echoes = made.encoder, made.run.echoes
+    noisy = None if echoes is None else too_noisy(echoes)
+    notes = [*recording.notes, *([noisy] if noisy else [])]
     facts: dict[str, Any] = {
         **versions(),
         "device": recording.device,
@@ -221,7 +226,7 @@ def mapped_run(
         "heading": made.heading,
         **({"finetuning": made.finetuning} if made.finetuning else {}),
         **({"kept_s": list(job.kept_s)} if job.kept_s else {}),
-        **({NOTES: list(recording.notes)} if recording.notes else {}),
+        **({NOTES: notes} if notes else {}),
         **({MISSING: [asdict(each) for each in made.missing]} if made.missing else {}),
         **_verdict(made.run),
     }

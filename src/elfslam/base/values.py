@@ -188,13 +188,15 @@ class Echoes(Value):
     """Aligned echo traces; sample 0 lies 485 samples after the direct arrival.
 
     `losses_s` lists the breaks of the stream: (when, how many seconds were lost); 0 s where the
-    offset between playing and recording changed and no sound was lost.
+    offset between playing and recording changed and no sound was lost. `over_noise_db` is how far
+    a typical echo stands over the noise of one compressed chirp, NaN where nobody measured it.
     """
 
     t_s: F64 = array("n", increasing=True)
     samples: F32 = array("n", ECHO_SAMPLES, dtype=np.float32)
     losses_s: F64 = array("k", 2)
     rate_hz: int = ECHO_RATE_HZ
+    over_noise_db: float = float("nan")
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,17 +7,21 @@ import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from elfslam.base.arrays import F64, Value, array
 from elfslam.base.errors import InputError
 from elfslam.world.transducers import (
+    HAND,
+    HEARD_HZ,
     GainControl,
     Lobes,
+    NearField,
     Resonance,
     ordinary_traits,
+    ringing,
     traits_of_another,
     traits_of_one,
 )
@@ -111,7 +115,8 @@ class Device(Value):
     all that is played, and the direct sound arrives with `direct_gain` / `separation_m` of it. The
     recorder adds white noise of `noise_rms` and clips at `clip_level`; its clock runs fast by
     `clock_skew_ppm` against the player's. A chirp leaves off its time by `jitter_s` (one sigma).
-    Both transducers together ring as `ringing` says. What is recorded passes the `gain_control`.
+    Both transducers together ring as `ringing` says, and the holder scatters far sound by the
+    `near_field`. What is recorded passes the `gain_control`.
     Raises InputError where both transducers are at one place or a magnitude is negative.
     """
 
@@ -133,6 +138,7 @@ class Device(Value):
     speaker_lobes: Lobes = field(default_factory=Lobes)
     microphone_lobes: Lobes = field(default_factory=Lobes)
     gain_control: GainControl | None = None
+    near_field: NearField | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -171,8 +177,9 @@ def smooth_response(generator: np.random.Generator, ripple_db: float, bumps: int
 def random_device(generator: np.random.Generator, *, ordinary: bool = False) -> Device:
     """A phone of random response, directivity, level, noise, geometry and clock.
 
-    An `ordinary` one also rings, has lobes and more noise, and may ride its gain. What came later
-    is drawn from a child of `generator`, which leaves its own stream as it was.
+    An `ordinary` one also rings, has lobes and a holder, may ride its gain, and hears itself, the
+    room and its noise about as loud as one of the measured phones that hear the room at all. What
+    came later is drawn from a child of `generator`, which leaves its own stream as it was.
     """
     early = Device(
         name="random",
@@ -192,7 +199,122 @@ def random_device(generator: np.random.Generator, *, ordinary: bool = False) -> 
         clock_skew_ppm=child.uniform(-30.0, 30.0),
         jitter_s=child.uniform(0.0, 20e-6),
     )
-    return replace(late, **ordinary_traits(child, late.response, band_hz())) if ordinary else late
+    if not ordinary:
+        return late
+    like = HEARING[child.integers(len(HEARING))]
+    echo_db, noise_db = child.normal([like.echo_db, like.noise_db], SPREAD_DB)
+    return as_loud(replace(late, **ordinary_traits(child)), echo_db, noise_db)
+
+
+ROOM_ECHO_DB = -27.0
+"""Of a room of 50 to 60 m2 (`studio` and `lounge`), 11 to 20 ms after the direct sound: rms of
+diffuse sound from all sides beside the peak of the direct sound 1 m away."""
+CHIRP_GAIN_DB = 23.2
+"""What pulse compression gains: the energy of the chirp at 48 kHz over that of one sample."""
+FULLEST = 0.5
+"""Of full scale, for the direct sound and four sigma of the noise."""
+
+
+def as_loud(phone: Device, echo_db: float, noise_db: float) -> Device:
+    """The phone, so that it hears the echoes of a room and the noise of a chirp so loud.
+
+    Both are against the peak of its direct sound, the noise after pulse compression.
+    """
+    direct_db = ROOM_ECHO_DB + _diffuse_gain_db(phone) - echo_db
+    direct = 10 ** (direct_db / 20)
+    heard = (band_hz() >= HEARD_HZ[0]) & (band_hz() <= HEARD_HZ[1])
+    gain = np.abs(phone.response * ringing(phone.ringing, band_hz()))[heard]
+    loud, typical = direct * float(gain.max()), direct * float(np.sqrt(np.mean(gain**2)))
+    noise = typical * 10 ** ((noise_db + CHIRP_GAIN_DB) / 20)
+    level = FULLEST / (loud + 4 * noise)
+    return replace(
+        phone, direct_gain=direct * phone.separation_m, level=level, noise_rms=level * noise
+    )
+
+
+def _diffuse_gain_db(phone: Device) -> float:
+    """Of diffuse sound by both transducers: the mean power of their directions, and the holder."""
+    power = 1 + (phone.near_field.gain**2 if phone.near_field else 0.0)
+    for beam, lobes in (
+        (phone.speaker_directivity, phone.speaker_lobes),
+        (phone.microphone_directivity, phone.microphone_lobes),
+    ):
+        power *= (1 - beam) ** 2 + beam**2 / 3
+        power *= (1 - lobes.share) ** 2 + lobes.share**2 / 2
+    return float(10 * np.log10(power))
+
+
+class MeasuredPhone(NamedTuple):
+    """A microphone of a phone, as measured in a set-up: levels over the peak of its direct sound.
+
+    `echo_db` is the rms of 11 to 20 ms, `noise_db` that of a compressed chirp of 10 ms;
+    `response_db` is the spectrum of the echoes at 15, 16 ... 20 kHz about its mean, less what the
+    air takes.
+    """
+
+    setup: str
+    echo_db: float
+    noise_db: float
+    response_db: tuple[float, ...]
+
+
+MEASURED: Mapping[str, MeasuredPhone] = MappingProxyType(
+    {
+        "iphone 5c up": MeasuredPhone(
+            "iphone5c_up, 0", -41.2, -36.9, (1.5, 1.1, 0.7, 0.0, 0.0, -3.3)
+        ),
+        "iphone 5c down": MeasuredPhone(
+            "iphone5c_down, 0", -49.3, -35.7, (3.6, 1.3, -0.6, 0.4, 2.0, -6.6)
+        ),
+        "iphone 5c up in hand": MeasuredPhone(
+            "iphone5c_up_onhand, 0", -41.2, 19.5, (1.5, 1.1, 0.7, 0.0, 0.0, -3.3)
+        ),
+        "iphone 5c down in hand": MeasuredPhone(
+            "iphone5c_down_onhand, 0", -49.3, 24.9, (3.6, 1.3, -0.6, 0.4, 2.0, -6.6)
+        ),
+        "galaxy s4 cam 0": MeasuredPhone(
+            "s4_cam_onhand, 0", -34.9, -17.9, (1.3, 0.0, -1.3, -2.3, 0.4, 1.9)
+        ),
+        "galaxy s4 cam 1": MeasuredPhone(
+            "s4_cam_onhand, 1", -59.6, -61.3, (6.6, 3.1, 1.4, -0.7, -4.0, -6.3)
+        ),
+        "galaxy s4 mic 0": MeasuredPhone(
+            "s4_mic_onhand, 0", -56.1, -61.4, (6.6, 2.0, 0.5, -2.3, -2.2, -4.6)
+        ),
+        "galaxy s4 mic 1": MeasuredPhone(
+            "s4_mic_onhand, 1", -30.7, -47.3, (3.7, 0.5, -0.6, -0.9, -1.2, -1.3)
+        ),
+        "galaxy s4 recog 0": MeasuredPhone(
+            "s4_recog_onhand, 0", -53.9, -63.3, (6.3, 2.3, -0.3, -2.8, -3.8, -1.7)
+        ),
+        "galaxy s4 recog 1": MeasuredPhone(
+            "s4_recog_onhand, 1", -28.3, -46.2, (3.0, 1.1, -2.7, -0.4, -1.3, 0.3)
+        ),
+        "galaxy s5 mic 0": MeasuredPhone(
+            "s5_mic_onhand, 0", -38.0, -42.0, (3.1, 1.0, -1.3, 0.6, -0.4, -3.1)
+        ),
+        "galaxy s5 mic 1": MeasuredPhone(
+            "s5_mic_onhand, 1", -41.7, -44.4, (3.1, -0.3, -1.1, 1.4, 0.3, -3.3)
+        ),
+        "galaxy s5 recog": MeasuredPhone(
+            "s5_recog_onhand, 0", -30.7, -35.5, (3.1, 1.5, 0.1, -1.6, -1.3, -1.9)
+        ),
+    }
+)
+"""By phone, audio source of Android (camcorder, microphone, voice recognition) and microphone;
+`python -m studies phones`, by recordings of LibAcousticSensing (MIT). Some recordings clip, and
+distortion counts as noise. Under a hand on the iPhone's microphone nothing but noise was heard:
+echo and response are those of the free one. Both channels of the S5's recogniser are one."""
+HEARING = tuple(each for each in MEASURED.values() if each.echo_db > each.noise_db)
+"""Those whose echoes lie above the noise of a chirp: what is drawn is to be learnt from."""
+SPREAD_DB = 2.0
+"""Of drawn phones about the measured one that they are like, one standard deviation."""
+
+
+def _as_measured(name: str, known: MeasuredPhone) -> Device:
+    response_db = np.interp(band_hz(), 1000.0 * np.arange(15, 21), known.response_db)
+    held = Device(name, np.asarray(10 ** (response_db / 20)), near_field=HAND)
+    return as_loud(held, known.echo_db, known.noise_db)
 
 
 def _fixed_response(seed: int, ripple_db: float) -> F64:
@@ -239,6 +361,7 @@ DEVICES: Mapping[str, Device] = MappingProxyType(
                 speaker_directivity=0.4,
                 clock_skew_ppm=8.0,
                 jitter_s=5e-6,
+                noise_rms=3.6e-4,
                 **traits_of_one(),
             ),
             # Another of them, which rides its gain.
@@ -251,12 +374,14 @@ DEVICES: Mapping[str, Device] = MappingProxyType(
                 direct_gain=0.8,
                 clock_skew_ppm=-12.0,
                 jitter_s=10e-6,
+                noise_rms=7e-4,
                 **traits_of_another(),
             ),
+            *(_as_measured(*each) for each in MEASURED.items()),
         )
     }
 )
-"""The built-in phones by name; all are fixed for all time."""
+"""The built-in phones by name; all but the measured ones are fixed for all time."""
 
 
 def built_in_device(name: str) -> Device:

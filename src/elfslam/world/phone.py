@@ -30,7 +30,7 @@ from elfslam.world.pulses import (
     speed_of_sound_mps,
 )
 from elfslam.world.scene import Scene
-from elfslam.world.transducers import Lobes, ringing
+from elfslam.world.transducers import Lobes, near_field, ringing
 
 FRAME_S = 1.0 / BIN_HZ
 BODY_REFLECTION = 0.25
@@ -237,6 +237,9 @@ def room_responses(
     """Complex envelopes (n, 630) of what each phone hears of an impulse, direct sound included."""
     air = air or air_at()
     out = engine(scene, ends_of(device, poses), poses.people_m, air, reach)
+    if device.near_field is not None:
+        gain = fft.ifftshift(near_field(device.near_field, band_hz())).astype(np.complex64)
+        out = fft.ifft(fft.fft(out, axis=1) * gain, axis=1)
     direct = np.ones(len(out)) * device.separation_m
     add_pulses(out, direct / air.speed_mps, device.direct_gain / direct)
     body_gain = np.full(len(out), BODY_REFLECTION / (2 * BODY_DISTANCE_M))

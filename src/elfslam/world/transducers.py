@@ -1,9 +1,8 @@
-"""What phones do to sound beside a response: ringing, lobes, gain control; ordinary phones' traits.
+"""What phones and the hands that hold them do to sound beside a response; ordinary phones' traits.
 
-No measurement of all of these was found. The ranges are estimates that agree with what is known of
-transducers of a centimetre: decays of tenths of a millisecond, lobes of some dB. The noise is such
-that in rooms as hard as measured ones echoes of 11 to 64 ms are mostly 18 to 25 dB above the noise
-of their band at full volume, as in a measured office (18 dB), and 5 to 11 dB at a fifth of it.
+No measurement of ringing, lobes and gain control was found. Their ranges are estimates that agree
+with what is known of transducers of a centimetre: decays of tenths of a millisecond, lobes of some
+dB. How loud a phone hears itself, and its noise, were measured (`device.py`).
 """
 
 from __future__ import annotations
@@ -144,6 +143,45 @@ def ringing(resonances: Sequence[Resonance], frequency_hz: F64) -> C128:
     return total
 
 
+NEAR_PATHS = 24
+"""So many make a burst whose envelope is nearly Rayleigh's."""
+
+
+@dataclass(frozen=True)
+class NearField:
+    """What the holder's hand, arm and body scatter of far sound, as it leaves and as it arrives.
+
+    All of it has `gain` times the amplitude (rms) of the plain sound, and its power decays by
+    exp(-t / `decay_s`). Its paths are drawn by `seed`. The direct sound, which is much nearer,
+    has none of it. Raises InputError for a negative gain or a decay not above 0.
+    """
+
+    gain: float
+    decay_s: float
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not (0 <= self.gain < np.inf and 0 < self.decay_s < np.inf):
+            raise InputError(
+                f"near field: wanted a gain from 0 and a decay above 0, got {self.gain} and "
+                f"{self.decay_s} s; correct them"
+            )
+
+
+HAND = NearField(0.7, 0.6e-3, seed=1)
+"""Cross-sections of a hand (0.01 m2) at 8 cm, a forearm (0.02 m2) at 25 cm and a clothed body at
+35 cm, out and back, add up to half the power of the plain sound within a millisecond."""
+
+
+def near_field(around: NearField, frequency_hz: F64) -> C128:
+    """Complex gain (n) of far sound at frequencies (n): 1, and each of the near paths."""
+    generator = np.random.default_rng(around.seed)
+    share = (np.arange(NEAR_PATHS) + generator.uniform(size=NEAR_PATHS)) / NEAR_PATHS
+    delay_s, sign = -around.decay_s * np.log1p(-share), generator.choice([-1.0, 1.0], NEAR_PATHS)
+    turned = np.exp(-2j * np.pi * np.multiply.outer(frequency_hz, delay_s))
+    return np.asarray(1 + around.gain / np.sqrt(NEAR_PATHS) * (turned @ sign))
+
+
 RESONANCES = (2, 4)
 HEARD_HZ = (15_000.0, 20_000.0)
 DECAY_S = (0.1e-3, 0.4e-3)
@@ -153,22 +191,16 @@ SPEAKER_SHARE, SPEAKER_SPACING_M = (0.15, 0.4), (0.03, 0.08)
 MICROPHONE_SHARE, MICROPHONE_SPACING_M = (0.05, 0.25), (0.01, 0.06)
 ACROSS = 0.4
 """How far the axis of lobes leaves the phone's right, a standard deviation of each component."""
-NOISE = (2.8e-4, 5e-4)
-"""Of a phone whose response and ringing have an rms of 1."""
+NEAR_GAIN, NEAR_DECAY_S = (0.5, 0.9), (0.4e-3, 0.8e-3)
 CONTROLLED_SHARE = 0.5
 """Of phones that ride the gain whatever they are told."""
 
 
-def ordinary_traits(
-    generator: np.random.Generator, response: F64, frequency_hz: F64
-) -> dict[str, Any]:
-    """Fields of a Device, drawn at random for a response (n) at frequencies (n)."""
+def ordinary_traits(generator: np.random.Generator) -> dict[str, Any]:
+    """Fields of a Device, drawn at random."""
     modes = _resonances(generator)
-    heard = (frequency_hz >= HEARD_HZ[0]) & (frequency_hz <= HEARD_HZ[1])
-    gain = np.abs(response * ringing(modes, frequency_hz))[heard]
     speaker = _lobes(generator, SPEAKER_SHARE, SPEAKER_SPACING_M)
     microphone = _lobes(generator, MICROPHONE_SHARE, MICROPHONE_SPACING_M)
-    noise = generator.uniform(*NOISE) * np.sqrt(np.mean(gain**2))
     control = GainControl(
         attack_s=generator.uniform(0.002, 0.010),
         release_s=generator.uniform(0.1, 0.5),
@@ -176,7 +208,13 @@ def ordinary_traits(
         most_gain_db=generator.uniform(12.0, 30.0),
     )
     controlled = generator.uniform() < CONTROLLED_SHARE
-    return _traits(modes, speaker, microphone, float(noise), control if controlled else None)
+    around = NearField(
+        generator.uniform(*NEAR_GAIN),
+        generator.uniform(*NEAR_DECAY_S),
+        int(generator.integers(2**32)),
+    )
+    traits = _traits(modes, speaker, microphone, control if controlled else None)
+    return {**traits, "near_field": around}
 
 
 def traits_of_one() -> dict[str, Any]:
@@ -187,28 +225,26 @@ def traits_of_one() -> dict[str, Any]:
         Resonance(18_900.0, 20.0, 0.6),
     )
     speaker = Lobes(0.3, 0.07, np.array([0.96, 0.0, 0.28]))
-    return _traits(modes, speaker, Lobes(0.15, 0.03, np.array([0.8, 0.0, -0.6])), 3.6e-4, None)
+    return _traits(modes, speaker, Lobes(0.15, 0.03, np.array([0.8, 0.0, -0.6])), None)
 
 
 def traits_of_another() -> dict[str, Any]:
     """Of the other built-in ordinary phone, which rides its gain."""
     modes = (Resonance(16_300.0, 20.0, 0.7), Resonance(19_300.0, 9.0, 0.5))
     speaker = Lobes(0.22, 0.045, np.array([0.8, 0.6, 0.0]))
-    return _traits(modes, speaker, Lobes(0.2, 0.055), 7e-4, GainControl(0.005, 0.25, 0.05, 18.0))
+    return _traits(modes, speaker, Lobes(0.2, 0.055), GainControl(0.005, 0.25, 0.05, 18.0))
 
 
 def _traits(
     modes: tuple[Resonance, ...],
     speaker: Lobes,
     microphone: Lobes,
-    noise_rms: float,
     control: GainControl | None,
 ) -> dict[str, Any]:
     return {
         "ringing": modes,
         "speaker_lobes": speaker,
         "microphone_lobes": microphone,
-        "noise_rms": noise_rms,
         "gain_control": control,
     }
 

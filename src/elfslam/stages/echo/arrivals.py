@@ -91,7 +91,7 @@ def _direct_level(envelope: F32, period: int, parameters: EchoParameters) -> flo
     if peak < parameters.contrast * max(floor, 1e-9):
         raise InputError(
             "audio: no chirps in the 15-20 kHz band; turn echo cancellation and noise suppression "
-            "off, the media volume up, and record again"
+            "off, the media volume up, and record again, or by another microphone or phone"
         )
     return parameters.level_share * peak
 

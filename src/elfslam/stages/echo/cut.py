@@ -234,7 +234,7 @@ def echoes_of(
             "audio: other phones chirp into every echo; record where fewer do, or wait your turn"
         )
     traces = np.stack([samples[start : start + ECHO_SAMPLES] for start in starts[heard]])
-    return Echoes(t_s[heard], traces, losses_s)
+    return Echoes(t_s[heard], traces, losses_s, over_noise_db=_over_noise_db(frames))
 
 
 def _holds_echo(samples: F32, start: int) -> bool:
@@ -247,6 +247,37 @@ QUIET = (round(0.020 * ECHO_RATE_HZ), round(0.002 * ECHO_RATE_HZ))
 """From how long before a direct arrival to how long before it nothing should be heard."""
 OVER = round(0.065 * ECHO_RATE_HZ)
 """Behind a direct arrival its echoes are over."""
+FIRST_ECHOES = (round(0.011 * ECHO_RATE_HZ), round(0.020 * ECHO_RATE_HZ))
+LAST_ECHOES = (round(0.055 * ECHO_RATE_HZ), round(0.064 * ECHO_RATE_HZ))
+"""Behind a direct arrival."""
+LATE_SHARE = 0.15
+"""Of the power of the first echoes, that large halls leave of it: air alone takes 6 dB and more."""
+LEAST_ECHO = 1e-3
+"""Of the power of the noise; less cannot be measured."""
+
+
+def _over_noise_db(frames: Frames) -> float:
+    """Power of the first echoes over that of the noise, both compressed (dB).
+
+    Noise is what is heard before the direct sound. Of frames that begin with it, digital silence
+    before them, it is at least what a large hall leaves unexplained at their end. NaN where no
+    frame is whole.
+    """
+    at, envelope = frames.arrivals.samples, frames.envelope
+    at = at[(at >= FIRST_ECHOES[1]) & (at + LAST_ECHOES[1] <= len(envelope))]
+    at = at[:: len(at) // FRAMES_THAT_TELL + 1, None]
+    if not len(at):
+        return float("nan")
+    first, last = np.arange(*FIRST_ECHOES), np.arange(*LAST_ECHOES)
+    heard, before, late = (
+        float(np.median(np.mean(envelope[at + span] ** 2, axis=1)))
+        for span in (first, -first, last)
+    )
+    unexplained = (late - LATE_SHARE * heard) / (1 - LATE_SHARE)
+    noise = max(before, unexplained, 1e-30)
+    return float(10 * np.log10(max(heard / noise - 1, LEAST_ECHO)))
+
+
 FULL_SCALE = 0.999
 
 
