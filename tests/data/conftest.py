@@ -71,7 +71,7 @@ def run() -> values.Run:
         ),
         floor_map=_floor_map(generator),
         echoes=values.Echoes(echo_t_s, samples, np.empty((0, 2))),
-        features=values.Features(echo_t_s, vectors, "compact"),
+        features=values.Features(echo_t_s, vectors, "compact", attenuation=0.9),
         seconds={"echo": 0.5, "graph": 0.25},
     )
 

@@ -63,11 +63,8 @@ def test_a_walk_at_48_khz_gives_the_same_echoes(encoder: Encoder) -> None:
 @pytest.mark.parametrize(
     ("device", "said"),
     [
-        ("iphone 5c down", "echoes lie 1[0-9] dB under the noise of a chirp, wanted 8 dB over it"),
-        (
-            "galaxy s5 mic 1",
-            "echoes lie [1-6] dB over the noise .* uncover the microphone .*",
-        ),
+        ("iphone 5c down", "echoes lie 1[0-9] dB under the noise .*, wanted at most 3 dB under it"),
+        ("galaxy s5 mic 1", None),
         ("galaxy s4 mic 1", None),
         ("ordinary phone", None),
     ],

@@ -16,10 +16,13 @@ from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, Echoes
 from elfslam.stages.feature import (
+    NOISIEST_DB,
     PRIOR_FRAMES,
+    QUIET_PHONE_DB,
     Encoder,
     OnnxEncoder,
     SpectralEncoder,
+    attenuation_of,
     extract_features,
     load_encoder,
     mean_normalised,
@@ -300,3 +303,23 @@ def test_a_file_of_another_maker_has_no_card(tmp_path: Path) -> None:
     (tmp_path / "tiny.onnx").write_bytes(tiny_encoder())
     assert read_card(str(tmp_path / "tiny.onnx")) is None
     assert read_card("spectral") is None
+
+
+@pytest.mark.parametrize("over_noise_db", [0.0, 3.0, 10.0])
+def test_attenuation_gives_back_what_noise_takes_of_a_mean_feature(over_noise_db: float) -> None:
+    generator = np.random.default_rng(1)
+    clean = generator.standard_normal(400)
+    clean /= np.linalg.norm(clean)
+
+    def similarity(level_db: float) -> float:
+        noise = 10 ** (-level_db / 20) / 20 * generator.standard_normal((2, 4000, 400))
+        noisy = clean + noise
+        one, other = (noisy / np.linalg.norm(noisy, axis=2, keepdims=True)).mean(axis=1)
+        return float(one @ other) / attenuation_of(level_db) ** 2
+
+    assert similarity(over_noise_db) == pytest.approx(similarity(QUIET_PHONE_DB), rel=0.02)
+
+
+def test_quiet_phones_and_unknown_noise_are_left_and_the_noisiest_corrected_no_further() -> None:
+    assert [attenuation_of(db) for db in (QUIET_PHONE_DB, 40.0, np.nan)] == [1.0, 1.0, 1.0]
+    assert attenuation_of(-20.0) == attenuation_of(NOISIEST_DB) < attenuation_of(0.0) < 1.0

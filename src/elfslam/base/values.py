@@ -230,11 +230,15 @@ class EchoPairs(Value):
 
 @dataclass(frozen=True, eq=False)
 class Features(Value):
-    """A unit vector per echo, and the identity of the encoder that made them."""
+    """A unit vector per echo, and the identity of the encoder that made them.
+
+    `attenuation` is what noise leaves of the mean of many, as a share of that without noise.
+    """
 
     t_s: F64 = array("n", increasing=True)
     vectors: F32 = array("n", "d", dtype=np.float32, unit_rows=True)
     encoder: str
+    attenuation: float = 1.0
 
     def means_between(self, edges_s: F64, fewest: int = 1) -> F32:
         """Mean features (n-1, d) between consecutive times (n); NaN where echoes are fewer."""

@@ -169,7 +169,7 @@ def _write_evidence(run: values.Run, folder: Path) -> None:
     if run.echoes is not None:
         _write_echoes(run.echoes, folder / "echoes.npz")
     if run.features is not None:
-        kept = {name: getattr(run.features, name) for name in ("t_s", "vectors")}
+        kept = {name: getattr(run.features, name) for name in ("t_s", "vectors", "attenuation")}
         encoder = map_files.label_of(Modality.ELF, run.features.encoder)
         write_npz(folder / "features.npz", {**kept, "encoder": encoder})
 
@@ -209,4 +209,5 @@ def _read_features(file: Path) -> values.Features | None:
         return None
     arrays = read_npz(file, ["t_s", "vectors", "encoder"])
     encoder = map_files.encoder_of(Modality.ELF, str(arrays["encoder"]))
-    return values.Features(arrays["t_s"], arrays["vectors"], encoder)
+    attenuation = float(arrays.get("attenuation", 1.0))
+    return values.Features(arrays["t_s"], arrays["vectors"], encoder, attenuation)

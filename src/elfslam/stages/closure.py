@@ -30,9 +30,10 @@ def footstep_means(features: Features, footsteps_t_s: F64) -> F32:
     """Mean feature (n-1, d) of the echoes between footsteps k and k+1; zero where there is none.
 
     The mean of unit vectors is kept as it is: its dot products are then exactly the means of the
-    pairwise cosines, which is the ESS (paper, section 5.3.1).
+    pairwise cosines, which is the ESS (paper, section 5.3.1); but for what noise took of them.
     """
-    return np.nan_to_num(features.means_between(footsteps_t_s))
+    means = np.nan_to_num(features.means_between(footsteps_t_s))
+    return means / np.float32(features.attenuation)
 
 
 def echo_sequence_similarity(features: Features, nodes: Odometry) -> MeanSimilarity:

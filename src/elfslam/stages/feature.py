@@ -226,7 +226,27 @@ def read_card(name: str) -> Card | None:
 
 def extract_features(echoes: Echoes, encoder: Encoder) -> Features:
     """The feature of every echo, less what those so far have in common."""
-    return Features(echoes.t_s, walk_vectors(echoes.samples, encoder), encoder.identity)
+    vectors = walk_vectors(echoes.samples, encoder)
+    return Features(echoes.t_s, vectors, encoder.identity, attenuation_of(echoes.over_noise_db))
+
+
+QUIET_PHONE_DB = 13.0
+"""Echoes over noise of the phones by which thresholds were chosen, at least."""
+NOISIEST_DB = -3.0
+"""Below, the correction stays: what is left is noise."""
+
+
+def attenuation_of(over_noise_db: float) -> float:
+    """By what share noise shortens a mean feature, against a phone that has little; 1 if unknown.
+
+    The mean of noisy features is that without noise times the correlation of both, the root of
+    the signal's share of the power: the attenuation of Spearman (1904).
+    """
+    if np.isnan(over_noise_db):
+        return 1.0
+    clipped_db = np.clip(over_noise_db, NOISIEST_DB, QUIET_PHONE_DB)
+    share, quiet = (1 / (1 + 10 ** (-db / 10)) for db in (clipped_db, QUIET_PHONE_DB))
+    return float(np.sqrt(share / quiet))
 
 
 def walk_vectors(samples: F32, encoder: Encoder) -> F32:
