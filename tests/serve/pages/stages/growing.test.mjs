@@ -5,11 +5,11 @@ import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
 import {
-  makeClosureSearch, makeGrowingGraph, solved, unrivalled,
+  amidNoise, makeClosureSearch, makeGrowingGraph, solved, unrivalled,
 } from "../../../../src/elfslam/serve/pages/stages/growing_graph.js";
 import { assertNear } from "./vectors.mjs";
 
-const { walks, means, parameters, candidates } = JSON.parse(readFileSync(process.env.ELFSLAM_VECTORS));
+const { walks, means, parameters, candidates, attenuated } = JSON.parse(readFileSync(process.env.ELFSLAM_VECTORS));
 const FOUND_SHARE = 0.7;
 /** Of a chi-square of three degrees of freedom, in one of 100 cases. */
 const GATE = 11.345;
@@ -85,4 +85,12 @@ test("of two places that sound alike neither is offered, and of one place the be
   assertNear(closure.iFromJ, [0.35, 0, 0], 1e-9, "ahead");
   assert.deepEqual([closure.i, closure.j], [20, 60]);
   assertNear(unrivalled([{ ...one, isBack: true }], poses, parameters).iFromJ, [0.35, 0, Math.PI], 1e-9, "back");
+});
+
+test("amid noise less similarity is wanted, by as much as noise takes of it", () => {
+  assert.deepEqual(amidNoise(parameters, null), parameters);
+  for (const [echoDb, left] of Object.entries(attenuated)) {
+    const { threshold, rival_margin: rival } = amidNoise(parameters, Number(echoDb));
+    assertNear([threshold, rival], [left * parameters.threshold, left * parameters.rival_margin], 1e-4, echoDb);
+  }
 });

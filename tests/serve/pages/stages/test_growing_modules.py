@@ -12,6 +12,7 @@ import numpy as np
 from elfslam.base.geometry import compose
 from elfslam.base.values import Closures, MeanSimilarity, Odometry
 from elfslam.stages.closure import BACK, ClosureParameters, candidates
+from elfslam.stages.feature import attenuation_of
 from elfslam.stages.graph import GraphParameters, build_graph, optimise
 from tests.in_node import needs_node, passed_in_node
 
@@ -75,6 +76,10 @@ def heard_on(ways: list[tuple[int, int]], seed: int) -> np.ndarray:
     return np.asarray(noisy / np.linalg.norm(noisy, axis=1)[:, None], dtype=np.float32)
 
 
+SIGNAL_TOO_DB = {0.5: 9.635, 3.0: 3.021, 10.0: 0.458, 30.0: 0.004}
+"""Echoes and noise over noise (dB), as the phone's check measures, are so much more than echoes."""
+
+
 def closure_vectors() -> dict[str, Any]:
     """Two laps and one walked back, and the candidates that the line finds in them."""
     means = heard_on([(0, 60), (0, 60), (60, 0)], 3)
@@ -82,6 +87,9 @@ def closure_vectors() -> dict[str, Any]:
     found = candidates(MeanSimilarity(means, kind="planted"), parameters)
     return {
         "means": means.tolist(),
+        "attenuated": {
+            str(db): attenuation_of(db - SIGNAL_TOO_DB[db]) ** 2 for db in SIGNAL_TOO_DB
+        },
         "parameters": asdict(parameters),
         "candidates": [
             {"i": int(i), "j": int(j), "score": float(score), "isBack": bool(way == BACK)}

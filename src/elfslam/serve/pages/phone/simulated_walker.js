@@ -5,11 +5,11 @@
  */
 
 import { Problem } from "../shared/api.js";
+import { ECHO_RATE_HZ as RATE_HZ } from "../stages/constants.js";
 import { t } from "../shared/words.js";
 import { startSound } from "./devices.js";
 import { accelerationSign } from "./motion.js";
 
-const RATE_HZ = 44100;
 const PUMP_EVERY_MS = 20;
 /** So far ahead chirps are announced. */
 const AHEAD_S = 1.5;

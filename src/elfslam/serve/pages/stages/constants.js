@@ -101,6 +101,11 @@ export const MEAN_NORMALISATION = {
   STILL_WEIGHT: 0.05,
 };
 
+export const ATTENUATION = {
+  QUIET_PHONE_DB: 13,
+  NOISIEST_DB: -3,
+};
+
 export const SPOOFING = {
   PARTS: 4,
   SHARPENED: 12.918740994069386,

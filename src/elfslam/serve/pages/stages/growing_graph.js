@@ -4,6 +4,7 @@
  * steps and closures. A closure is believed where it fits what the graph predicts there (gating of innovations).
  */
 
+import { ATTENUATION } from "./constants.js";
 import { wrapAngle } from "./motion/filters.js";
 
 /** Relinearised so often: the closures that are believed have passed a gate, and lie near. */
@@ -193,6 +194,23 @@ const BACK = -1;
  * @typedef {{i: number, j: number, score: number, ahead: number, isBack: boolean}} Found footstep j is where footstep
  *   i < j was, `ahead` steps further, and walked the other way where `isBack`
  */
+
+/**
+ * What counts as similar amid noise, which shortens mean features: elfslam.stages.feature.attenuation_of, squared, as
+ * two of them are multiplied.
+ * @param {ClosureParameters} parameters @param {number | null} echoDb echoes and noise over noise, where it was measured
+ * @returns {ClosureParameters}
+ */
+export function amidNoise(parameters, echoDb) {
+  if (echoDb === null) return parameters;
+  const { QUIET_PHONE_DB: quietDb, NOISIEST_DB: noisiestDb } = ATTENUATION;
+  const overNoiseDb = 10 * Math.log10(Math.max(10 ** (echoDb / 10) - 1, 1e-3));
+  /** @param {number} level @returns {number} the signal's part of the power */
+  const share = (level) => 1 / (1 + 10 ** (-level / 10));
+  const left = share(Math.min(Math.max(overNoiseDb, noisiestDb), quietDb)) / share(quietDb);
+  const { threshold, back_margin: back, rival_margin: rival } = parameters;
+  return { ...parameters, threshold: left * threshold, back_margin: left * back, rival_margin: left * rival };
+}
 
 /**
  * @param {ClosureParameters} parameters

@@ -46,13 +46,13 @@ export function startGrowing() {
     showSketch(data.sketch);
   };
 
-  /** @param {Devices} devices */
-  const segment = ({ microphone, clocks }) => {
+  /** @param {Devices & {measured?: import("../probe.js").Measured | null}} devices */
+  const segment = ({ microphone, clocks, measured }) => {
     const rateHz = microphone.context.sampleRate;
     const { port1, port2 } = new MessageChannel();
     timeOf = (pageMs) => soundTime(clocks.line(), pageMs);
     files.then(({ parameters, encoderBytes }) => {
-      worker.postMessage({ do: "segment", rateHz, parameters, encoderBytes, source: port1 }, [port1]);
+      worker.postMessage({ do: "segment", rateHz, parameters, encoderBytes, source: port1, echoDb: measured?.echoDb ?? null }, [port1]);
       microphone.pour("growing", port2);
     }, () => {});
     const stopMotion = sendMotion(worker, clocks);

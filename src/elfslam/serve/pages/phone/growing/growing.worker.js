@@ -4,6 +4,7 @@
  */
 
 import { openEncoder } from "../../stages/encoder.js";
+import { amidNoise } from "../../stages/growing_graph.js";
 import { openPipeline } from "../../stages/pipeline.js";
 import { drawBySteps, makeSketch } from "./sketch.js";
 
@@ -33,12 +34,13 @@ self.onmessage = ({ data }) => {
 
 /**
  * @param {{rateHz: number, parameters: import("./growing.js").GrowingParameters,
- *   encoderBytes: Uint8Array<ArrayBuffer>, source: MessagePort}} order
+ *   encoderBytes: Uint8Array<ArrayBuffer>, source: MessagePort, echoDb: number | null}} order echoDb: as the phone's
+ *   check measured it
  */
-async function segment({ rateHz, parameters, encoderBytes, source }) {
+async function segment({ rateHz, parameters, encoderBytes, source, echoDb }) {
   try {
     encoder ??= openEncoder(encoderBytes, {});
-    sketch ? sketch.gap() : (sketch = makeSketch(parameters.closure));
+    sketch ? sketch.gap() : (sketch = makeSketch(amidNoise(parameters.closure, echoDb)));
     const drawn = sketch;
     const opened = openPipeline({
       rateHz, parameters, listener: await encoder, onFix: tellSketch,
