@@ -13,7 +13,6 @@ from elfslam.base.values import Closures, PoseGraph, Trajectory
 from elfslam.slam.merging.members import MappedWalk, MergeParameters, middles
 from elfslam.stages.checkpoints import tapped_closures
 from elfslam.stages.graph import GraphParameters, build_graph, optimise
-from elfslam.stages.graph.uncertainty import steady_drift, without_drift
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,13 +112,9 @@ def _solved(initial: F64, parts: Sequence[Edges], scale_sigma: float) -> Traject
 
 
 def _own_edges(walk: MappedWalk, first: int) -> Edges:
-    """The steps of a walk, less its heading's drift, and the closures that it believed by itself.
-
-    How steadily the heading drifted is what the walk's own solution says.
-    """
+    """The steps of a walk and the closures that it believed by itself."""
     kept = walk.closures.chosen(walk.trajectory.closure_weights > 0.5)
     graph = build_graph(walk.odometry, kept)
-    graph = without_drift(graph, steady_drift(graph, walk.trajectory.world_from_body))
     return Edges(graph.edges + first, graph.measurements, graph.information)
 
 
