@@ -351,6 +351,23 @@ def test_a_later_sense_may_not_contradict_an_earlier_one() -> None:
     npt.assert_array_equal(together.i[: len(first.i)], first.i)
 
 
+def test_a_walk_once_corrected_leads_to_fainter_closures() -> None:
+    turn_rad = 2 * np.pi / 20 * np.arange(81)
+    circle = np.column_stack([4 * np.sin(turn_rad), 4 - 4 * np.cos(turn_rad), turn_rad])
+    nodes = Odometry(0.5 * np.arange(81), circle, np.full((80, 3), 0.2))
+    scores = ridges(80, 20).scores.copy()
+    scores[60:], scores[:60, 60:] = 0.18 * scores[60:], 0.18 * scores[:60, 60:]
+    fading, known = Similarity(scores, "planted"), ClosureParameters()
+    unguided = dataclasses.replace(known, most_earned=0.0)
+    first, both = (
+        slam.closures_by(nodes, [(fading, each)], PARAMETERS) for each in (unguided, known)
+    )
+    late = both.j > 66
+    assert not (first.j > 66).any()
+    assert late.any()
+    npt.assert_allclose((both.j - both.i)[late] % 20, 0)
+
+
 def test_closures_weigh_as_their_sense_shares_its_errors() -> None:
     nodes = Odometry(0.5 * np.arange(41), np.zeros((41, 3)), np.full((40, 3), 0.2))
     apart = dataclasses.replace(ClosureParameters(), shared_footsteps=0)

@@ -30,6 +30,7 @@ from elfslam.stages.closure import (
     echo_sequence_similarity,
     find_closures,
     footstep_means,
+    guided_closures,
     sequence_mean,
     sharing_errors,
 )
@@ -206,13 +207,26 @@ def test_neighbours_in_time_are_no_closures() -> None:
 
 def test_the_covariance_is_that_of_the_parameters() -> None:
     known = dataclasses.replace(
-        PARAMETERS, along_sigma_m=0.1, across_sigma_m=0.2, heading_sigma_rad=0.3
+        PARAMETERS, along_sigma_m=0.1, across_sigma_m=0.2, heading_sigma_rad=0.3, sigma_fall=0.0
     )
     found = find_closures(alike(2 * LAP, [(0, LAP - 1, LAP, 1.0)]), square_walk(2), known)
     assert len(found.i) > 0
     npt.assert_allclose(
         found.covariance, np.tile(np.diag([0.01, 0.04, 0.09]), (len(found.i), 1, 1))
     )
+
+
+def test_the_more_alike_the_nearer() -> None:
+    """Sigmas are as stated a little above the threshold, and fall by the rate from there."""
+    usual = PARAMETERS.threshold + closure.USUAL_LEAD
+    sigmas = []
+    for height in (usual, usual + 0.05, 0.9):
+        planted = alike(2 * LAP, [(0, LAP - 1, LAP, 1.0)], height=height)
+        found = find_closures(planted, square_walk(2), PARAMETERS)
+        middle = np.argmin(np.abs(found.score - height) + (found.i < HALF))
+        sigmas.append(np.sqrt(found.covariance[middle, 1, 1]) / PARAMETERS.across_sigma_m)
+    npt.assert_allclose(sigmas[:2], np.exp([0.0, -0.05 * PARAMETERS.sigma_fall]), rtol=0.05)
+    assert sigmas[2] == closure.LEAST_SIGMA_SHARE
 
 
 def test_blocks_of_rows_give_what_the_whole_gives(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -239,6 +253,37 @@ def test_the_sequence_mean_is_the_naive_one(direction: int) -> None:
             along = [(i + k, j + k * direction) for k in range(-2, 3)]
             inside = [scores[a, b] for a, b in along if 0 <= a < 7 and 0 <= b < 9]
             assert got[i, j] == pytest.approx(np.mean(inside), rel=1e-5)
+
+
+def prior(log_odds: float, gain: float) -> closure.Prior:
+    return lambda asked: (np.full(len(asked.i), log_odds), np.full(len(asked.i), gain))
+
+
+def test_what_a_solution_expects_may_be_less_alike() -> None:
+    nodes = square_walk(2)
+    faint = alike(2 * LAP, [(0, LAP - 1, LAP, 1.0)], height=PARAMETERS.threshold - 0.04)
+    assert len(find_closures(faint, nodes, PARAMETERS).i) == 0
+    found = guided_closures(faint, nodes, NO_CLOSURES, prior(5.0, 3.0), PARAMETERS)
+    assert len(found.i) > LAP / 2
+    assert (np.abs(found.j - found.i - LAP) <= 1).all()
+    assert (found.covariance[:, 0, 0] > PARAMETERS.along_sigma_m**2).all()
+
+
+@pytest.mark.parametrize(("log_odds", "gain"), [(0.5, 3.0), (-np.inf, 3.0), (5.0, 0.5)])
+def test_what_earns_or_tells_too_little_is_no_closure(log_odds: float, gain: float) -> None:
+    nodes = square_walk(2)
+    faint = alike(2 * LAP, [(0, LAP - 1, LAP, 1.0)], height=PARAMETERS.threshold - 0.04)
+    found = guided_closures(faint, nodes, NO_CLOSURES, prior(log_odds, gain), PARAMETERS)
+    assert len(found.i) == 0
+
+
+def test_guided_matching_finds_nothing_twice() -> None:
+    nodes = square_walk(2)
+    clear = alike(2 * LAP, [(0, LAP - 1, LAP, 1.0)])
+    known = find_closures(clear, nodes, PARAMETERS)
+    further = guided_closures(clear, nodes, known, prior(5.0, 3.0), PARAMETERS)
+    assert len(known.i) > LAP / 2
+    assert not pairs(known) & pairs(further)
 
 
 def test_no_similarity_or_a_single_footstep_closes_nothing() -> None:

@@ -25,6 +25,8 @@ EMR_CLOSURES = ClosureParameters(
     across_sigma_m=0.3,
     heading_sigma_rad=0.4,
     shared_footsteps=10,
+    sigma_fall=0.0,
+    most_earned=0.0,
 )
 
 

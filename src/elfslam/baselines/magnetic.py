@@ -84,6 +84,8 @@ MAGNETIC_CLOSURES = ClosureParameters(
     across_sigma_m=0.5,
     heading_sigma_rad=0.35,
     shared_footsteps=2,
+    sigma_fall=0.0,
+    most_earned=0.0,
 )
 """Chosen on the simulated development worlds, levelled by gravity."""
 

@@ -33,6 +33,8 @@ WIFI_CLOSURES = ClosureParameters(
     across_sigma_m=4.0,
     heading_sigma_rad=2.0,
     shared_footsteps=20,
+    sigma_fall=0.0,
+    most_earned=0.0,
 )
 """Wi-Fi knows the place to metres. The heading of a closure is that of its line alone: which way
 the walker passes is told, how exactly is not."""

@@ -43,13 +43,14 @@ from elfslam.stages.closure import (
     ClosureParameters,
     echo_sequence_similarity,
     find_closures,
+    guided_closures,
     joined,
     sharing_errors,
 )
 from elfslam.stages.device_adaptation import to_map_domain
 from elfslam.stages.feature import Encoder, extract_features
 from elfslam.stages.floormap import trajectory_map
-from elfslam.stages.graph import agreeing, build_graph, optimise
+from elfslam.stages.graph import agreeing, build_graph, expected, optimise
 from elfslam.stages.locate import (
     LocateParameters,
     elf_payload,
@@ -185,13 +186,17 @@ def closures_by(
 ) -> Closures:
     """The closures of one modality after the other.
 
-    What a later one says must fit the walk as the earlier ones correct it.
+    What a later one says must fit the walk as the earlier ones correct it. The walk so corrected
+    then leads to closures that by themselves would be too little alike.
     """
     closures = NO_CLOSURES
     for similarity, known in similarities:
         found = find_closures(similarity, nodes, known)
-        fit = agreeing(build_graph(nodes, closures), found, parameters.graph)
-        weighed = sharing_errors(found.chosen(fit), known.shared_footsteps)
+        found = found.chosen(agreeing(build_graph(nodes, closures), found, parameters.graph))
+        first = joined([closures, sharing_errors(found, known.shared_footsteps)])
+        prior = partial(expected, build_graph(nodes, first), parameters=parameters.graph)
+        further = guided_closures(similarity, nodes, found, prior, known)
+        weighed = sharing_errors(joined([found, further]), known.shared_footsteps)
         closures = joined([closures, weighed])
     return closures
 

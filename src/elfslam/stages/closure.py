@@ -23,7 +23,14 @@ from scipy.stats import chi2
 from elfslam.base.arrays import F32, F64, I64, Bool, Value, array
 from elfslam.base.geometry import wrap_angle
 from elfslam.base.parameters import parameter
-from elfslam.base.values import AnySimilarity, Closures, Features, MeanSimilarity, Odometry
+from elfslam.base.values import (
+    NO_CLOSURES,
+    AnySimilarity,
+    Closures,
+    Features,
+    MeanSimilarity,
+    Odometry,
+)
 
 
 def footstep_means(features: Features, footsteps_t_s: F64) -> F32:
@@ -129,6 +136,13 @@ def _turned(spread: F64) -> F64:
 
 AGAIN, BACK = 1, -1
 """Ways of walking a stretch a second time."""
+Prior = Callable[[Closures], tuple[F64, F64]]
+"""Of closures (k), the log odds that they hold before their score is known, and the information
+that they bring if so; both in nats."""
+USUAL_LEAD = 0.05
+"""By how much closures usually exceed their threshold: to these the stated sigmas belong."""
+LEAST_SIGMA_SHARE = 0.5
+"""Of the stated sigmas, what remains however similar two stretches are."""
 Rows = Callable[[int, int], F32]
 """The similarities of some footsteps, from one to another without the last, to all others."""
 DEGREES_OF_FREEDOM = 3
@@ -164,8 +178,20 @@ class ClosureParameters:
     along_sigma_m: float = parameter(0.20, "m", "error of a closure along the walk", 0.01, 100.0)
     across_sigma_m: float = parameter(0.28, "m", "error of a closure across the walk", 0.01, 100.0)
     heading_sigma_rad: float = parameter(0.28, "rad", "error of a closure's heading", 0.01, 3.14)
+    sigma_fall: float = parameter(
+        6.0, "", "rate at which a closure's position sigmas fall with its similarity", 0.0, 100.0
+    )
     shared_footsteps: int = parameter(
-        0, "footsteps", "closures this near each other share one error", 0, 1_000
+        3, "footsteps", "closures this near each other share one error", 0, 1_000
+    )
+    score_evidence: float = parameter(
+        30.0, "nats", "log-likelihood ratio that a unit of similarity is worth", 0.1, 1e4
+    )
+    most_earned: float = parameter(
+        4.0, "nats", "most that a prior counts in guided matching; 0: no such", 0.0, 100.0
+    )
+    least_gain: float = parameter(
+        1.0, "nats", "information that a closure by guided matching must bring", 0.0, 100.0
     )
 
 
@@ -191,12 +217,68 @@ def find_closures(
     Half a turn of heading where the stretch was walked the other way.
     """
     drift = Drift(nodes)
-    found = candidates(similarity, parameters)
-    found = found.chosen(within_gate(found, drift, parameters))
+    found = _possible(similarity, drift, parameters)
     found = found.chosen(passes_ratio_test(found, drift, parameters))
     found = found.chosen(has_full_window(found, similarity.count, parameters))
-    i_from_j, covariance = _i_from_j(found, nodes), _covariances(found, parameters)
-    return Closures(found.i, found.j, found.score, i_from_j, covariance)
+    return _as_closures(found, nodes, parameters)
+
+
+def guided_closures(
+    similarity: AnySimilarity,
+    nodes: Odometry,
+    known: Closures,
+    prior: Prior,
+    parameters: ClosureParameters,
+) -> Closures:
+    """Guided matching: pairs beside the `known` ones, at a threshold that the `prior` earns.
+
+    Posterior log odds are the log-likelihood ratio of the score, counted from the threshold, and
+    the prior log odds. What a solution knows already would add only its own error. None where
+    the prior may earn nothing.
+    """
+    if not parameters.most_earned:
+        return NO_CLOSURES
+    drift = Drift(nodes)
+    lowered = parameters.threshold - parameters.most_earned / parameters.score_evidence
+    found = _possible(similarity, drift, replace(parameters, threshold=lowered))
+    found = found.chosen(has_full_window(found, similarity.count, parameters))
+    log_odds, gain = prior(_as_closures(found, nodes, parameters))
+    earned = np.minimum(log_odds, parameters.most_earned) / parameters.score_evidence
+    likely = (found.score + earned >= _wanted(found, parameters)) & (gain >= parameters.least_gain)
+    found, posterior = found.chosen(likely), (found.score + earned)[likely]
+    clear = passes_ratio_test(replace(found, score=posterior), drift, parameters)
+    return _as_closures(found.chosen(clear & ~_among(found, known)), nodes, parameters)
+
+
+def _possible(
+    similarity: AnySimilarity, drift: Drift, parameters: ClosureParameters
+) -> ClosureCandidates:
+    """The candidates that dead reckoning allows."""
+    found = candidates(similarity, parameters)
+    return found.chosen(within_gate(found, drift, parameters))
+
+
+def _wanted(found: ClosureCandidates, parameters: ClosureParameters) -> F64:
+    """The score (k) that makes a candidate by itself."""
+    back = found.direction == BACK
+    return np.asarray(parameters.threshold + parameters.back_margin * back)
+
+
+def _among(found: ClosureCandidates, known: Closures) -> Bool:
+    """Which candidates (k) are closures already."""
+    far = max(np.max(each, initial=0) for each in (found.j, known.j)) + 1
+    return np.isin(found.i * far + found.j, known.i * far + known.j)
+
+
+def _as_closures(
+    found: ClosureCandidates, nodes: Odometry, parameters: ClosureParameters
+) -> Closures:
+    """The candidates with their relative poses: the less similar, the further aside."""
+    above = found.score - _wanted(found, parameters) - USUAL_LEAD
+    share = np.maximum(np.exp(-parameters.sigma_fall * above), LEAST_SIGMA_SHARE)
+    covariance = _covariances(found, parameters)
+    covariance[:, :2] *= np.square(share)[:, None, None]
+    return Closures(found.i, found.j, found.score, _i_from_j(found, nodes), covariance)
 
 
 def sharing_errors(closures: Closures, reach: int) -> Closures:

@@ -12,7 +12,7 @@ from elfslam.base.arrays import F64, I64
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import between, chain, compose
 from elfslam.base.values import NO_CLOSURES, Closures, Odometry, PoseGraph
-from elfslam.stages.graph import GraphParameters, agreeing, build_graph, optimise
+from elfslam.stages.graph import GraphParameters, agreeing, build_graph, expected, optimise
 from elfslam.stages.graph.blocks import pattern_of
 from elfslam.stages.graph.building import believing, edges_of
 from elfslam.stages.graph.solving import (
@@ -183,3 +183,43 @@ def test_a_sense_of_metres_need_not_fit_to_centimetres(truth: F64, nodes: Odomet
     off = compose(between(truth[i], truth[i + LAP]), np.array([1.5, 0.0, 0.0]))
     coarse = measured(i, i + LAP, off, np.array([3.0, 3.0, 1.0]))
     assert agreeing(straight, coarse, PARAMETERS).all()
+
+
+def test_a_solution_expects_what_is_true_and_excludes_what_is_not(
+    truth: F64, nodes: Odometry
+) -> None:
+    i = np.arange(0, LAP, 4)
+    straight = build_graph(nodes, measured(i, i + LAP, revisits(truth, i, i + LAP)))
+    there = between(truth[i], truth[i + LAP])
+    odds, _ = expected(straight, measured(i, i + LAP, there), PARAMETERS)
+    wrong, gain = expected(
+        straight, measured(i, i + LAP, compose(there, np.array([2.5, 0.0, 0.0]))), PARAMETERS
+    )
+    assert (odds > 3).all()
+    assert np.isneginf(wrong).all()
+    assert (gain >= 0).all()
+
+
+def test_a_closure_brings_what_the_solution_did_not_know(truth: F64, nodes: Odometry) -> None:
+    """Half the logarithm of by how much it raises the determinant of the information matrix."""
+    i = np.arange(0, 40, 2)
+    known = measured(i, i + LAP, between(truth[i], truth[i + LAP]))
+    graph, i, j = build_graph(nodes, known), np.array([10, 70]), np.array([91, 230])
+    asked = measured(i, j, between(truth[i], truth[j]))
+    _, gain = expected(graph, asked, PARAMETERS)
+    solved, kept = choose_closures(graph, PARAMETERS)
+    edges, believed = np.column_stack([i, j]), believing(graph, kept)
+    pattern = pattern_of(np.vstack([believed.edges, edges]), len(truth))
+    marginal = marginal_covariances(equations_at(believed, solved, pattern, 1e-3))
+    predicted = predicted_covariance(marginal, solved, edges, asked.i_from_j)
+    raised = np.linalg.det(np.eye(3) + predicted @ np.linalg.inv(asked.covariance))
+    npt.assert_allclose(gain, np.log(raised) / 2, atol=0.1)
+    assert gain[1] > gain[0] + 1
+
+
+def test_where_nothing_was_corrected_nothing_is_expected(nodes: Odometry) -> None:
+    i = np.arange(0, LAP, 4)
+    asked = measured(i, i + LAP, np.zeros((len(i), 3)))
+    odds, gain = expected(build_graph(nodes, NO_CLOSURES), asked, PARAMETERS)
+    assert np.isneginf(odds).all()
+    assert not gain.any()

@@ -148,6 +148,33 @@ def agreeing(graph: PoseGraph, further: Closures, parameters: GraphParameters) -
     return np.asarray(fit_of(asked, poses, marginal_covariances(equations)).squared <= limit)
 
 
+def expected(graph: PoseGraph, further: Closures, parameters: GraphParameters) -> tuple[F64, F64]:
+    """What the solution of a graph expects of further closures (k); both in nats.
+
+    The log odds of each to a chance meeting anywhere on the floor, -inf where it is excluded or
+    nothing was corrected; and the mutual information of the closure and the trajectory (Ila et
+    al., T-RO 2010, "Information-based compact pose SLAM"). Raises NoAnswerError where the edges
+    are degenerate, InputError where the steps are no chain.
+    """
+    odds, gain = np.full(len(further.i), -np.inf), np.zeros(len(further.i))
+    if not graph.is_closure.any():
+        return odds, gain
+    graph = seen_from_start(graph)
+    with solving(graph):
+        poses, kept = choose_closures(graph, parameters)
+        poses, believed = with_own_noise(believing(graph, kept), poses, parameters)
+        limit = float(chi2.ppf(parameters.inlier_probability, 3))
+        asked = closure_edges(poses, further)
+        known = known_at(believed, poses, asked.edges[:0], parameters.anchor_sigma)
+        near = np.flatnonzero(least_squared(known, poses, asked) <= limit)
+        asked = edges_of(asked, near)
+        fit = fit_of(asked, poses, known_at(believed, poses, asked.edges, parameters.anchor_sigma))
+    odds[near] = np.where(fit.squared <= limit, log_odds(fit, poses), -np.inf)
+    own = np.linalg.slogdet(covariance_of_edges(asked))[1]
+    gain[near] = (np.linalg.slogdet(fit.covariance)[1] - own) / 2
+    return odds, gain
+
+
 def _revised(
     graph: PoseGraph,
     closures: PoseGraph,
