@@ -50,7 +50,7 @@ def test_one_angle_turns_north_into_the_plane_of_the_truth(walks: list[ReckonedW
     ends = study._scored(walks, study.COMPASS)
     assert np.median(ends) < 0.1
     unturned = study._scored(walks, study.UNTURNED)
-    assert np.median(unturned) > 2 * np.median(ends)
+    assert np.median(unturned) > 1.5 * np.median(ends)
     apart = [replace(walk, truth=turned(walk.truth, 0.8 * k)) for k, walk in enumerate(walks)]
     assert max(study._scored(apart, study.COMPASS)) > max(ends)
 
@@ -70,7 +70,7 @@ def test_a_tilted_or_resampled_phone_walks_the_same_way(walks: list[ReckonedWalk
 
 def test_the_study_needs_no_real_walks() -> None:
     records = measure_dead_reckoning(StudyContext(), seeds=1, worlds=("concourse",))
-    assert {each.world for each in records} == {"concourse", "simulated"}
+    assert {each.world for each in records} == {"concourse", "simulated", study.SLOW}
     nees = [each.value for each in records if each.metric == "NEES"]
     assert nees
     assert max(nees) < 4, "2 where the reported sigmas are right; simulated steps err less"

@@ -35,7 +35,7 @@ def test_half_a_second_is_enough_for_a_footstep() -> None:
 @needs_node
 @pytest.mark.real
 def test_echoes_help_the_map_that_grows() -> None:
-    found = values(measure_growing_map(StudyContext(), worlds={"studio": 2}, walks=1))
+    found = values(measure_growing_map(StudyContext(), worlds={"lounge": 2}, walks=1))
     error_m = {method: value for (method, _, _), value in found.items()}
     assert error_m["map of the whole walk, ELF"] < error_m["growing map, ELF"]
     assert error_m["growing map, ELF"] < error_m["dead reckoning"]

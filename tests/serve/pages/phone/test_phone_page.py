@@ -70,7 +70,8 @@ def test_the_code_pairs_the_phone_and_leaves_no_token_behind(phone: Any, server:
 
 def test_a_phone_without_the_code_is_told_how_to_pair(phone: Any, server: Any) -> None:
     phone.page.goto(server.address.split("#")[0] + "#token=wrong")
-    phone.wait_for_text("#problem", "Scan the code")
+    phone.wait_for_text("#problem", "this pairing token is not known here")
+    assert phone.page.is_visible("#pair")
     assert "wrong" not in phone.page.url
 
 
