@@ -9,7 +9,7 @@ import subprocess
 import sys
 import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache, partial
 from pathlib import Path
@@ -235,10 +235,13 @@ class Phone:
 
 def regular_chirps(route: Any) -> None:
     """The fake microphone chirps once per period, whatever the page plays: so must the page."""
-    answer = route.fetch()
-    told = answer.json()
-    told["medium_access"] |= {"jitter_s": 0, "forget": 0, "listen": 0, "check_alone": 0}
-    route.fulfill(response=answer, json=told)
+    from playwright.sync_api import Error
+
+    with suppress(Error):  # a page that was closed meanwhile waits for nothing
+        answer = route.fetch()
+        told = answer.json()
+        told["medium_access"] |= {"jitter_s": 0, "forget": 0, "listen": 0, "check_alone": 0}
+        route.fulfill(response=answer, json=told)
 
 
 @pytest.fixture
