@@ -20,6 +20,8 @@ MAKERS: dict[str, Callable[[], Value]] = {
     "Audio": lambda: values.Audio(np.zeros((2, 9)), 44_100),
     "Imu": lambda: values.Imu(T_S, np.zeros((3, 3)), np.zeros((3, 3))),
     "Magnetometer": lambda: values.Magnetometer(T_S, np.zeros((3, 3))),
+    "Barometer": lambda: values.Barometer(T_S, np.full(3, 1013.0)),
+    "Levels": lambda: values.Levels(T_S, [0.0, np.nan, 1.0], (None, None, None)),
     "WifiScans": lambda: values.WifiScans(
         T_S, ("a", "b"), np.full((3, 2), np.nan), np.zeros((3, 2))
     ),
@@ -65,6 +67,7 @@ MAKERS: dict[str, Callable[[], Value]] = {
 }
 NAN_ALLOWED = {
     "Checkpoints.xy_m",
+    "Levels.level",
     "WifiScans.rssi_dbm",
     "WifiScans.age_s",
     "FrameFacts.late_s",

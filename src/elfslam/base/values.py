@@ -90,6 +90,40 @@ class Magnetometer(Value):
 
 
 @dataclass(frozen=True, eq=False)
+class Barometer(Value):
+    """Air pressure at the phone, hectopascal: it falls by one in 8.3 m, a floor or two."""
+
+    t_s: F64 = array("n", increasing=True)
+    pressure_hpa: F64 = array("n")
+
+
+class LevelPassage(StrEnum):
+    """What leads from one floor to another."""
+
+    STAIRS = "stairs"
+    LIFT = "lift"
+    ESCALATOR = "escalator"
+
+
+@dataclass(frozen=True, eq=False)
+class Levels(Value):
+    """On which floor somebody was: from each time (k) until the next, the last for good.
+
+    `level` is the ordinal of the floor, 0 at the entrance, and NaN between floors; there
+    `passages` says what they took, None where nobody knows and on a floor.
+    """
+
+    t_s: F64 = array("k", increasing=True)
+    level: F64 = array("k", finite=False)
+    passages: tuple[LevelPassage | None, ...]
+
+    def at(self, t_s: F64) -> F64:
+        """The level at each time (n); before the first row as there."""
+        row = np.searchsorted(self.t_s, t_s, side="right") - 1
+        return np.asarray(self.level[np.maximum(row, 0)])
+
+
+@dataclass(frozen=True, eq=False)
 class WifiScans(Value):
     """Received signal strength per scan and access point; NaN where unseen."""
 
@@ -163,6 +197,7 @@ class Recording:
     orientation: Orientation | None = None
     odometry: Odometry | None = None
     magnetometer: Magnetometer | None = None
+    barometer: Barometer | None = None
     wifi: WifiScans | None = None
     emr: Emr | None = None
     played_t_s: F64 | None = None
@@ -181,6 +216,7 @@ class Truth(Value):
 
     t_s: F64 = array("n", increasing=True)
     world_from_body: F64 = array("n", 3, finite=False)
+    levels: Levels | None = None
 
 
 @dataclass(frozen=True, eq=False)

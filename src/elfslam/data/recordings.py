@@ -172,6 +172,7 @@ def _read_folder(folder: Path, name: str, chirp: ChirpParameters) -> Recording:
         orientation=sensor_files.read_orientation(folder / "orientation.csv"),
         odometry=sensor_files.read_odometry(folder),
         magnetometer=sensor_files.read_magnetometer(folder / "magnetometer.csv"),
+        barometer=sensor_files.read_barometer(folder / "barometer.csv"),
         wifi=sensor_files.read_wifi(wifi) if wifi.is_file() else None,
         emr=sensor_files.read_emr(folder / "emr.csv"),
         played_t_s=played_t_s,

@@ -14,7 +14,16 @@ from elfslam.base.arrays import F64, Bool
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import between
 from elfslam.base.text_files import read_text
-from elfslam.base.values import Emr, Imu, Magnetometer, Odometry, Orientation, Recording, WifiScans
+from elfslam.base.values import (
+    Barometer,
+    Emr,
+    Imu,
+    Magnetometer,
+    Odometry,
+    Orientation,
+    Recording,
+    WifiScans,
+)
 from elfslam.data.position_files import read_tum, write_tum
 from elfslam.data.tables import (
     check_size,
@@ -144,6 +153,9 @@ def _check_order(file: Path, t_s: F64) -> None:
 
 
 AXES = ("x", "y", "z")
+PRESSURE = ("pressure_hpa",)
+PRESSURES_HPA = (300.0, 1200.0)
+"""From above the highest mountain to below the deepest mine."""
 QUATERNION = ("qx", "qy", "qz", "qw")
 SIGMAS = ("forward_m", "lateral_m", "heading_rad")
 ODOMETRY_SIGMA_PER_METRE = 0.02
@@ -186,6 +198,9 @@ def _tables(recording: Recording) -> list[tuple[str, tuple[str, ...], F64, F64]]
         tables.append(("gyroscope.csv", AXES, imu.t_s, imu.gyro_radps))
     if (magnetometer := recording.magnetometer) is not None:
         tables.append(("magnetometer.csv", AXES, magnetometer.t_s, magnetometer.field_ut))
+    if (barometer := recording.barometer) is not None:
+        pressure = barometer.pressure_hpa[:, None]
+        tables.append(("barometer.csv", PRESSURE, barometer.t_s, pressure))
     if (attitude := recording.orientation) is not None:
         tables.append(("orientation.csv", QUATERNION, attitude.t_s, attitude.world_from_phone))
     if (emr := recording.emr) is not None:
@@ -205,6 +220,22 @@ def read_magnetometer(file: Path) -> Magnetometer | None:
         return None
     check_size(file, table[1], LARGEST_FIELD_UT, "microtesla")
     return Magnetometer(*table)
+
+
+def read_barometer(file: Path) -> Barometer | None:
+    """The air pressure; None without the file. Raises InputError naming file and row."""
+    table = _read_optional(file, PRESSURE)
+    if table is None:
+        return None
+    t_s, pressure_hpa = table[0], table[1][:, 0]
+    low, high = PRESSURES_HPA
+    bad = np.flatnonzero((pressure_hpa < low) | (pressure_hpa > high))
+    if len(bad):
+        raise InputError(
+            f"{file}: row {bad[0] + 2} has {pressure_hpa[bad[0]]:.6g} hPa, wanted {low:g} to "
+            f"{high:g}; give the pressure in hectopascal"
+        )
+    return Barometer(t_s, pressure_hpa)
 
 
 def read_orientation(file: Path) -> Orientation | None:

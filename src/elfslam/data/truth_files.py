@@ -15,19 +15,26 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Imu, Truth
 from elfslam.data.atomic_files import new_file
+from elfslam.data.level_files import write_levels
 from elfslam.data.position_files import write_tum
 from elfslam.data.tables import parse_rows, read_lines, write_timed_table
 from elfslam.stages.motion import MotionParameters, find_footsteps
 
 POSES = "truth.tum"
 WAYPOINTS = "waypoints.csv"
-TRUTH_FILES = (POSES, WAYPOINTS)
+TRUE_LEVELS = "truth_levels.csv"
+TRUTH_FILES = (POSES, WAYPOINTS, TRUE_LEVELS)
 
 
 def write_truth(truth: Truth, folder: Path) -> None:
-    """truth.tum where every heading is known, else waypoints.csv; nothing for an empty truth."""
+    """truth.tum where every heading is known, else waypoints.csv; nothing for an empty truth.
+
+    Beside it truth_levels.csv, where the truth knows floors.
+    """
     if len(truth.t_s) == 0:
         return
+    if truth.levels is not None:
+        write_levels(truth.levels, folder / TRUE_LEVELS)
     poses = truth.world_from_body
     is_whole = np.isfinite(poses).all()
     with new_file(folder / (POSES if is_whole else WAYPOINTS)) as partial:
