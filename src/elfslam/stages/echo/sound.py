@@ -35,7 +35,7 @@ class EchoParameters:
     early_s: float = parameter(0.0015, "s", "how far before the strongest peak to look", 0.0, 0.02)
     slack_s: float = parameter(0.002, "s", "jitter of the direct arrival between frames", 0.0, 0.02)
     latest_s: float = parameter(
-        1.0, "s", "longest time from playing to hearing a chirp of a schedule", 0.1, 5.0
+        2.5, "s", "longest time from playing to hearing a chirp of a schedule", 0.1, 5.0
     )
     found_share: float = parameter(0.5, "", "frames that must hold a chirp", 0.0, 1.0)
     clipped_share: float = parameter(0.001, "", "more samples at full scale are refused", 0.0, 1.0)

@@ -220,6 +220,15 @@ class Phone:
         """Walk on."""
         self.page.wait_for_timeout(1000 * seconds)
 
+    def record(self, chirps: int) -> None:
+        """Walk on until so many more chirps are recorded."""
+        self.wait_for(lambda: self._chirps() >= 0, "the walk begins")
+        enough = self._chirps() + chirps
+        self.wait_for(lambda: self._chirps() >= enough, f"{chirps} chirps are recorded")
+
+    def _chirps(self) -> int:
+        return int(self.page.get_attribute("#heard", "data-chirps") or -1)
+
     def wait_for(self, happened: Callable[[], bool], what: str) -> None:
         """Wait until something has happened. The pages allow no evaluated text, so we ask."""
         pause = partial(self.page.wait_for_timeout, 100)

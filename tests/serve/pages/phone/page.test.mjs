@@ -255,7 +255,7 @@ test("the manifest says what was played, kept and heard", () => {
   const walk = {
     version: 1, name: "W", device: "D", startPose: [1, 2, 0.5], startUtc: "2026-01-02T03:04:05.000Z",
     kind: "baseband", rateHz: 48000, chirp: { kind: "chirp" }, capture: { microphone: "M" },
-    facts: { ...NO_FACTS, seconds: 2, missed: 3, jumps: [{ t_s: 1, by_s: 0.01 }] },
+    facts: { ...NO_FACTS, seconds: 2, frames: 20, missed: 3, jumps: [{ t_s: 1, by_s: 0.01 }] },
   };
   const manifest = JSON.parse(manifestOf(walk, "page"));
   assert.equal(manifest.format_version, 1);
@@ -267,6 +267,8 @@ test("the manifest says what was played, kept and heard", () => {
   assert.equal(manifest.capture.missed, 3);
   assert.equal(JSON.parse(manifestOf({ ...walk, scale: 1e-5 }, "page")).baseband.scale, 1e-5);
   assert.equal("baseband" in JSON.parse(manifestOf({ ...walk, kind: "whole" }, "page")), false);
+  const silent = JSON.parse(manifestOf({ ...walk, facts: NO_FACTS }, "page"));
+  assert.deepEqual([silent.audio, "baseband" in silent], [null, false]);
 });
 
 test("a phone is named by what its browser tells", () => {

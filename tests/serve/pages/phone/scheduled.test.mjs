@@ -11,7 +11,7 @@ import { makeStream } from "../../../../src/elfslam/serve/pages/stages/resample.
 const RATE_HZ = 44100;
 const PERIOD = RATE_HZ / 10;
 const PARAMETERS = {
-  slack_s: 0.002, early_s: 0.0015, early_share: 0.5, level_share: 0.35, contrast: 8, latest_s: 1,
+  slack_s: 0.002, early_s: 0.0015, early_share: 0.5, level_share: 0.35, contrast: 8, latest_s: 2.5,
 };
 const WIDTH = 12;
 const BLOCK = 1024;
@@ -53,7 +53,7 @@ const heardPeaks = (plan) => plan.filter(({ heard }) => heard !== null)
   .flatMap(({ heard }) => [{ at: heard, level: 0.2 }, { at: heard + 900, level: 0.04 }]);
 
 /** What the search makes of a plan, chirps told a second and a half ahead. */
-function searched(plan, others = [], { guess, block = BLOCK, seconds = 0.4 + 0.1 * plan.at(-1).k + 1.6 } = {}) {
+function searched(plan, others = [], { guess, block = BLOCK, seconds = 0.4 + 0.1 * plan.at(-1).k + 3 } = {}) {
   const envelope = envelopeOf(seconds, [...heardPeaks(plan), ...others]);
   const search = makeScheduleSearch(plan[0].start, PERIOD, PARAMETERS, { guess });
   const stream = makeStream(10 * RATE_HZ);
@@ -87,7 +87,7 @@ function lostOf(plan, arrivals) {
 }
 
 for (const [rhythm, jitterS] of Object.entries(RHYTHMS)) {
-  for (const lateS of [0.012, 0.135, 0.265, 0.46, 0.9]) {
+  for (const lateS of [0.012, 0.135, 0.265, 0.46, 0.9, 1.5, 2.3]) {
     test(`chirps in ${rhythm} rhythm are found though ${1000 * lateS} ms late`, () => {
       const plan = planOf({ count: 40, jitterS, lateS: () => lateS });
       const { arrivals, search } = searched(plan);

@@ -32,8 +32,8 @@ export function manifestOf(walk, software) {
     start_pose: walk.startPose,
     ...(walk.tappedOn ? { tapped_on: walk.tappedOn } : {}),
     chirp: walk.chirp,
-    audio: { rate_hz: walk.rateHz, channels: 1, samples: Math.round(facts.seconds * walk.rateHz) },
-    ...(walk.kind === "baseband" ? { baseband: basebandOf(walk) } : {}),
+    audio: facts.frames > 0 ? { rate_hz: walk.rateHz, channels: 1, samples: Math.round(facts.seconds * walk.rateHz) } : null,
+    ...(walk.kind === "baseband" && facts.frames > 0 ? { baseband: basebandOf(walk) } : {}),
     software,
     capture: {
       ...walk.capture,

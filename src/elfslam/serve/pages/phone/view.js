@@ -117,6 +117,7 @@ function bandsSpoken(subbands) {
 export function showFacts(facts, keptBytes, sentBytes) {
   at("clock").textContent = formatDuration(facts.seconds);
   at("steps").textContent = String(facts.steps);
+  at("heard").dataset.chirps = String(facts.frames);
   at("heard").textContent =
     facts.frames > 0 ? formatShare((facts.frames - facts.missed) / facts.frames) : "–";
   at("kept").textContent = formatBytes(keptBytes);

@@ -22,6 +22,8 @@ const TAIL_MS = 400;
 const BEHIND_S = 0.075;
 /** So many arrivals tell how long sound takes through the phone by now. */
 const RECENT = 5;
+/** Chirps of a second: so many are lost in each in which none is heard. */
+const CHIRPS_A_SECOND = 10;
 const LEAST_STEP_S = 1e-4;
 const CHIRPS_HEADER = "t_s,gain_db\n";
 const CHECKPOINTS_HEADER = "t_s,name,x_m,y_m\n";
@@ -158,7 +160,11 @@ export async function startWalking(given) {
     last = done.catch(() => {});
     return done;
   };
-  const timer = everySecond(microphone.context, zero, sent, storage, flush);
+  const timer = everySecond(microphone.context, zero, sent, storage, () => {
+    const isUnheard = late.endS() === undefined && keptUntilS === 0 && state.facts.seconds - fromS > LATENCY_PATIENCE_S;
+    for (let k = 0; isUnheard && k < CHIRPS_A_SECOND; k += 1) heard(0, false);
+    return flush();
+  });
 
   const pauseLeg = async () => {
     limit = chirps.stop();
@@ -279,15 +285,15 @@ export function makeLateness() {
 
 /**
  * @param {AudioContext} context @param {number} zero frame of the clock at which the recording began
- * @param {Sent} sent @param {StorageClient} storage @param {() => Promise<void>} flush
+ * @param {Sent} sent @param {StorageClient} storage @param {() => Promise<void>} tick
  */
-function everySecond(context, zero, sent, storage, flush) {
+function everySecond(context, zero, sent, storage, tick) {
   let count = 0;
   return setInterval(async () => {
     sent.state.facts.seconds = context.currentTime - zero / context.sampleRate;
     count += 1;
     try {
-      await flush();
+      await tick();
       if (count % SAVE_EVERY !== 0) return;
       await sent.save();
       await storage.ask({ do: "flush", walk: sent.walk }); // an empty battery leaves what is on the disk

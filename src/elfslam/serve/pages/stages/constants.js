@@ -24,7 +24,7 @@ export const ECHO_PARAMETERS = {
   early_share: 0.5,
   early_s: 0.0015,
   slack_s: 0.002,
-  latest_s: 1,
+  latest_s: 2.5,
   found_share: 0.5,
   clipped_share: 0.001,
   seam_contrast: 9,
