@@ -17,7 +17,6 @@ from fastapi import FastAPI
 from elfslam.base.values import Audio, FloorMap, Imu, Payload, Recording
 from elfslam.data.recordings import write_recording
 from elfslam.serve.app import create_app
-from elfslam.serve.parsing import children
 from elfslam.serve.people.access import new_token
 from elfslam.serve.people.users import add_user, set_owner_token
 from elfslam.serve.services import Services, open_services
@@ -27,7 +26,6 @@ from elfslam.stages.feature import load_encoder
 from studies.benchmarks.served import Served, start
 from tests.serve.own_postgresql import initdb, own_postgresql
 from tests.serve.planting import plant_files, plant_floor_map
-from tests.serve.warm_children import WarmChild
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # of Starlette about the HTTP client it would rather have
@@ -46,12 +44,6 @@ def postgresql() -> Iterator[str]:
         pytest.skip("PostgreSQL is not installed (Debian: apt-get install postgresql)")
     with own_postgresql(fsync="off") as running:
         yield running.folder
-
-
-@pytest.fixture(autouse=True)
-def warm_children(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What parses in the server of a test is forked, not started."""
-    monkeypatch.setattr(children, "Child", WarmChild)
 
 
 @pytest.fixture

@@ -20,6 +20,7 @@ from elfslam.serve.jobs.runner import run_jobs
 from elfslam.serve.maps import floor_plans, package, point_routes
 from elfslam.serve.maps import routes as maps
 from elfslam.serve.page_routes import install_pages
+from elfslam.serve.parsing.children import forks
 from elfslam.serve.people import users
 from elfslam.serve.people.access import current_user
 from elfslam.serve.people.guards import Guard
@@ -151,6 +152,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     services: Services = app.state.services
     async with AsyncExitStack() as stack:
         stack.callback(services.engine.dispose)
+        forks()
         for begin in BACKGROUND:
             running = begin(services)
             await run_in_threadpool(running.__enter__)

@@ -37,11 +37,6 @@ CHILD_KIB = 400 * 2**10
 MANY_MASKS = hostile_plans.masks(90)
 
 
-@pytest.fixture(autouse=True)
-def warm_children() -> None:
-    """Here children are started: what one may cost is counted from its start."""
-
-
 @pytest.fixture
 def drawing_s(request: pytest.FixtureRequest) -> float:
     """The processor time that drawing a plan may take."""

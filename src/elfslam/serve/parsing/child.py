@@ -1,14 +1,10 @@
-"""The child that parses one file from outside: it keeps to its bounds and ends with the server.
-
-With BOUNDS MODULE GIVEN in `sys.argv` its `main` calls `parse` of a module with what is given, and
-prints `{"found": ...}` or `{"refusal": ..., "choices": [...]}` as JSON. Little is imported here: a
-child costs the start of an interpreter each time.
-"""
+"""The child that parses one file from outside: it keeps to its bounds and ends with the server."""
 
 from __future__ import annotations
 
 import errno
 import json
+import multiprocessing
 import os
 import resource
 import sys
@@ -16,9 +12,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from importlib import import_module
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+from elfslam.app.workers.child import end_with_parent
 from elfslam.base.errors import InputError
 from elfslam.serve.store.blobs import FULL_ERRORS
 
@@ -61,20 +59,26 @@ class Bounds:
         return f"{words}; {self.advice}"
 
 
-def main() -> None:
-    """Parse as the command line says, and exit."""
-    given_bounds, module, given = sys.argv[1:]
-    bounds = Bounds(**json.loads(given_bounds))
+def main(told: Connection, module: str, bounds: Bounds, given: Mapping[str, Any]) -> None:
+    """Call `parse` of a module with what is given, tell what comes of it as JSON, and exit.
+
+    Told is `{"found": ...}`, `{"refusal": ..., "choices": [...]}`, or `{"fault": ...}` of ours.
+    """
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    end_with_parent(parent.sentinel)
+    with open(os.devnull, "wb") as nowhere:
+        os.dup2(nowhere.fileno(), sys.stderr.fileno())
     _limit_cost(bounds)
     parse = import_module(module).parse
     _limit(resource.RLIMIT_DATA, bounds.memory_bytes)
     try:
-        answer = _answer(parse, bounds, json.loads(given))
-    except OSError as error:
-        if error.errno in FULL_ERRORS:
+        answer = _answer(parse, bounds, given)
+    except Exception as error:  # whatever a file makes a library raise
+        if isinstance(error, OSError) and error.errno in FULL_ERRORS:
             sys.exit(DISK_FULL)
-        raise
-    print(json.dumps(answer, allow_nan=False))
+        answer = {"fault": f"{type(error).__name__}: {error}"}
+    told.send_bytes(json.dumps(answer, allow_nan=False).encode())
 
 
 def _limit_cost(bounds: Bounds) -> None:

@@ -7,37 +7,44 @@ from __future__ import annotations
 
 import asyncio
 import json
+import multiprocessing
 import os
 import signal
-import subprocess
-import tempfile
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import asdict
-from typing import IO, Any, TypeVar
+from contextlib import contextmanager, suppress
+from multiprocessing import forkserver
+from multiprocessing.connection import Connection
+from multiprocessing.context import ForkServerContext
+from multiprocessing.process import BaseProcess
+from typing import Any, TypeVar
 
 from anyio import CapacityLimiter, to_thread
 
-from elfslam.app.workers.child import Child
 from elfslam.base.errors import InputError
-from elfslam.serve.parsing.child import DISK_FULL, Bounds, Exceeded
+from elfslam.serve.parsing.child import DISK_FULL, Bounds, Exceeded, main
 from elfslam.serve.problems import Problem, disk_full
 
-PARSER = "elfslam.serve.parsing.child"
+KNOWN = (
+    "elfslam.serve.receiving.reader",
+    "elfslam.serve.receiving.walks",
+    "elfslam.serve.receiving.sensors",
+    "elfslam.serve.maps.plan_drawing",
+    "elfslam.serve.parsing.child",
+)
+"""What children parse with is imported once, two seconds of work, and they are forked off that."""
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Threads of a pool that one file does not need count as its memory and processor time."""
 CRASHES = (signal.SIGABRT, signal.SIGSEGV, signal.SIGBUS, signal.SIGILL, signal.SIGTRAP)
 """How libraries end that get no more memory, or that a damaged file leads astray."""
-LAST_BYTES = 4096
 
 
 class Children:
     """The children of one server; none outlives it."""
 
     def __init__(self) -> None:
-        self._lock, self._alive, self._closed = threading.Lock(), set[Child](), False
+        self._lock, self._alive, self._closed = threading.Lock(), set[BaseProcess](), False
 
     def parse(self, module: str, bounds: Bounds, **given: Any) -> Any:
         """What `parse` of a module gives for what is given (JSON both), called in a child.
@@ -45,16 +52,18 @@ class Children:
         Raises InputError for what it refuses and for what exceeds a bound, Problem 503 where the
         server stops or the child was killed, 507 where the disk is full.
         """
-        with tempfile.TemporaryFile() as errors, self._begun(module, bounds, given, errors) as each:
-            try:
-                printed, _ = each.communicate(timeout=bounds.wall_s)
-            except subprocess.TimeoutExpired as late:
-                raise InputError(bounds.refusal(Exceeded.WALL)) from late
+        with self._begun(module, bounds, given) as (each, told):
+            if not told.poll(bounds.wall_s):
+                raise InputError(bounds.refusal(Exceeded.WALL))
+            answer = _answer_of(told)
+            if answer is None:
+                each.join()
             if self._closed:
                 raise _stopping()
-            if each.returncode != 0:
-                raise _failure(each.returncode, bounds, errors)
-        answer = json.loads(printed.splitlines()[-1])
+            if answer is None:
+                raise _failure(each.exitcode, bounds)
+        if "fault" in answer:
+            raise _unread(answer["fault"])
         if "refusal" in answer:
             refused = InputError(answer["refusal"])
             refused.choices = tuple(answer.get("choices", ()))
@@ -70,39 +79,64 @@ class Children:
 
     @contextmanager
     def _begun(
-        self, module: str, bounds: Bounds, given: Mapping[str, Any], errors: IO[bytes]
-    ) -> Iterator[Child]:
-        told = (json.dumps(asdict(bounds)), module, json.dumps(given))
-        environment = {**os.environ, **ONE_THREAD}
+        self, module: str, bounds: Bounds, given: Mapping[str, Any]
+    ) -> Iterator[tuple[BaseProcess, Connection]]:
+        told, teller = multiprocessing.Pipe(duplex=False)
         with self._lock:
             if self._closed:
                 raise _stopping()
-            each = Child(PARSER, *told, stdout=subprocess.PIPE, stderr=errors, env=environment)
+            each = forks().Process(target=main, args=(teller, module, bounds, given), daemon=True)
+            each.start()
+            teller.close()
             self._alive.add(each)
         try:
-            with each:
-                yield each
+            yield each, told
         finally:
             with self._lock:
                 self._alive.discard(each)
+            each.kill()
+            each.join()
+            told.close()
+
+
+def forks() -> ForkServerContext:
+    """A process from which children are forked, begun where there is none yet."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(list(KNOWN))
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
+    os.environ |= ONE_THREAD
+    forkserver.ensure_running()
+    for name, value in before.items():
+        del os.environ[name]
+        if value is not None:
+            os.environ[name] = value
+    return context
+
+
+def _answer_of(told: Connection) -> Any:
+    """What a child told, None of one that ended without an answer."""
+    with suppress(EOFError):
+        return json.loads(told.recv_bytes())
+    return None
 
 
 def _stopping() -> Problem:
     return Problem(503, "the server stops; send it again", {"Retry-After": "5"})
 
 
-def _failure(code: int, bounds: Bounds, errors: IO[bytes]) -> Exception:
+def _failure(code: int | None, bounds: Bounds) -> Exception:
     """Why a child ended without an answer: a bound, a full disk, or a fault of the server."""
     if code == DISK_FULL:
         return disk_full()
     if code == -signal.SIGXCPU:
         return InputError(bounds.refusal(Exceeded.PROCESSOR))
-    if -code in CRASHES:
+    if code is not None and -code in CRASHES:
         return InputError(bounds.refusal(Exceeded.CRASH))
-    errors.seek(max(0, errors.seek(0, os.SEEK_END) - LAST_BYTES))
-    said = errors.read().decode(errors="replace").strip().splitlines()
-    last = said[-1] if said else f"exit code {code}"
-    return Problem(503, f"it could not be read now ({last:.200}); try again", {"Retry-After": "5"})
+    return _unread(f"exit code {code}")
+
+
+def _unread(why: str) -> Problem:
+    return Problem(503, f"it could not be read now ({why:.200}); try again", {"Retry-After": "5"})
 
 
 AT_ONCE, OF_ONE = 3, 2
