@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.errors import InputError
-from elfslam.base.values import LevelPassage
+from elfslam.base.values import LevelPassage, Levels
 
 FARTHEST_LEVEL = 200
 """No building has more floors above its entrance, or below it."""
@@ -23,6 +23,14 @@ class BuildingFloor:
 
     level: int
     height_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class FloorsVisited:
+    """When a walk was on which floor, and those floors in rising order."""
+
+    levels: Levels
+    floors: tuple[BuildingFloor, ...]
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from elfslam.base.arrays import Bool
+from elfslam.base.building import FloorsVisited
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import between, compose
 from elfslam.base.values import ECHO_RATE_HZ, Echoes, Odometry, Recording
@@ -15,6 +16,7 @@ from elfslam.slam.parameters import Parameters
 from elfslam.stages.acoustic_odometry import measure_scale, rescaled, with_prior
 from elfslam.stages.chirp import make_chirp
 from elfslam.stages.echo import Frames, echoes_of, find_frames, frame_facts
+from elfslam.stages.levels import find_levels, levels_by_taps, numbered_by_taps
 from elfslam.stages.medium_access import spoiled_frames
 from elfslam.stages.motion import Compass, compass_heading, dead_reckon, nodes_by_distance
 from elfslam.stages.spoofing import Suspicion, nothing_suspect, suspicion
@@ -45,6 +47,19 @@ def dead_reckoned(recording: Recording, parameters: Parameters) -> tuple[Odometr
 def dead_reckoning_nodes(recording: Recording, parameters: Parameters) -> Odometry:
     """The nodes of a walk as dead reckoning has them."""
     return dead_reckoned(recording, parameters)[0]
+
+
+def floors_visited(
+    recording: Recording, nodes: Odometry, parameters: Parameters
+) -> FloorsVisited | None:
+    """The floors of a walk, by its barometer or as it named them; None where it stayed on one."""
+    known = parameters.levels
+    if recording.barometer is not None:
+        found = find_levels(recording.barometer, nodes.t_s, known)
+        named: FloorsVisited | None = numbered_by_taps(found, recording.checkpoints)
+    else:
+        named = levels_by_taps(recording.checkpoints, float(nodes.t_s[0]), known)
+    return named if named is not None and len(named.floors) > 1 else None
 
 
 def compass_of(recording: Recording, parameters: Parameters) -> Compass | None:
