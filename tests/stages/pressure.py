@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from elfslam.base.arrays import F64
-from elfslam.base.values import Barometer
+from elfslam.base.values import Barometer, Recording
 from elfslam.stages.levels import SCALE_HEIGHT_M
 
 Part = tuple[float, float, float]
@@ -39,3 +40,16 @@ def walk_of(
         if cadence_hz
     ]
     return Barometer(t_s, pressure_hpa), np.concatenate([*footsteps, np.zeros(0)])
+
+
+STOREY_M = 3.5
+
+
+def with_stairs(recording: Recording, begin_s: float, lasting_s: float) -> Recording:
+    """The recording with a barometer that says that its walker went up a storey."""
+    assert recording.imu is not None
+    t_s = np.arange(0, recording.imu.t_s[-1], 0.1)
+    height_m = STOREY_M * np.clip((t_s - begin_s) / lasting_s, 0, 1)
+    noise = np.random.default_rng(100).normal(scale=0.006, size=len(t_s))
+    pressure_hpa = 1013 * np.exp(-height_m / SCALE_HEIGHT_M) + noise
+    return replace(recording, barometer=Barometer(t_s, pressure_hpa))

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from elfslam.base.arrays import Bool
+from elfslam.base.arrays import F64, Bool
 from elfslam.base.building import FloorsVisited
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import between, compose
@@ -49,6 +49,10 @@ def dead_reckoning_nodes(recording: Recording, parameters: Parameters) -> Odomet
     return dead_reckoned(recording, parameters)[0]
 
 
+FEWEST_ON_FLOOR = 8
+"""A floor on which somebody took fewer footsteps was passed, not walked."""
+
+
 def floors_visited(
     recording: Recording, nodes: Odometry, parameters: Parameters
 ) -> FloorsVisited | None:
@@ -59,7 +63,15 @@ def floors_visited(
         named: FloorsVisited | None = numbered_by_taps(found, recording.checkpoints)
     else:
         named = levels_by_taps(recording.checkpoints, float(nodes.t_s[0]), known)
-    return named if named is not None and len(named.floors) > 1 else None
+    several = named is not None and len(floors_walked(named, nodes.t_s)) > 1
+    return named if several else None
+
+
+def floors_walked(visited: FloorsVisited, footsteps_t_s: F64) -> list[int]:
+    """The levels on which somebody took so many footsteps that there is something to map."""
+    level = visited.levels.at(footsteps_t_s)
+    steps = {each.level: int((level == each.level).sum()) for each in visited.floors}
+    return [floor for floor, count in steps.items() if count >= FEWEST_ON_FLOOR]
 
 
 def compass_of(recording: Recording, parameters: Parameters) -> Compass | None:

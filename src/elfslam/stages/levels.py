@@ -30,7 +30,7 @@ GRID_S = 0.25
 MEDIAN_S = 1.0
 """Over so long a median takes out what a phone's case, pressed, does."""
 EDGE = 0.1
-"""A passage lasts from where this share of its height is made to where it remains."""
+"""A passage is timed from where this share of its height is made to where it remains."""
 MOST_AT_ONCE = 0.8
 """Share of a change: not even a lift makes so much of a storey while a door opens."""
 ESCALATOR_SLOPE_RAD = np.deg2rad(30.0)
@@ -197,9 +197,12 @@ def _timed(
     end = np.flatnonzero(share[back:] >= 1 - EDGE)
     window = min(round(parameters.speed_window_s / GRID_S), len(share) - 1)
     moved_m = np.abs(height_m[rows][window:] - height_m[rows][: len(share) - window]).max()
+    left_s = float(t_s[first + (begin[-1] if len(begin) else 0)])
+    reached_s = float(t_s[first + back + end[0] if len(end) else last])
+    beyond_s = (reached_s - left_s) * EDGE / (1 - 2 * EDGE)
     return _Rise(
-        float(t_s[first + (begin[-1] if len(begin) else 0)]),
-        float(t_s[first + back + end[0] if len(end) else last]),
+        max(left_s - beyond_s, float(t_s[first])),
+        min(reached_s + beyond_s, float(t_s[last])),
         float(change_m),
         float(moved_m / (window * GRID_S)),
     )

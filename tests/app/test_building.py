@@ -1,0 +1,70 @@
+"""A walk over two floors becomes a building on disk, in which each floor is a run folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+
+from elfslam.app.map import MapJob, map_into, map_many
+from elfslam.app.settings import Settings
+from elfslam.base.errors import StoreError
+from elfslam.base.values import silent
+from elfslam.data.building_files import floor_folder, read_building
+from elfslam.data.map_files import read_facts, read_map
+from elfslam.data.recordings import write_recording
+from elfslam.data.runs import read_run
+from elfslam.world.simulate import load_world, simulate
+from tests.stages.pressure import with_stairs
+
+JOB = MapJob((), None, "compact", Settings(), overwrite=False)
+
+
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two rounds of the studio on one floor, two on the next."""
+    folder = tmp_path_factory.mktemp("recordings") / "walk"
+    recording = simulate(load_world("studio"), seed=107, rounds=4)[0]
+    assert recording.imu is not None
+    write_recording(with_stairs(recording, recording.imu.t_s[-1] / 2, 10.0), folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def building(walk: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("maps") / "building"
+    map_into(folder, walk, JOB, silent)
+    return folder
+
+
+def test_the_whole_run_lies_at_the_top_and_each_floor_beneath(building: Path) -> None:
+    whole, told = read_run(building), read_building(building)
+    assert told.levels == (0, 1)
+    assert whole.visited is not None
+    assert whole.visited.floors == told.floors
+    assert whole.floor_map is None
+    assert "level 1" in (building / "report.html").read_text()
+    for level in told.levels:
+        folder = floor_folder(building, level)
+        part = read_run(folder)
+        assert part.floor_map is not None
+        assert read_facts(folder)["level"] == level
+        assert (folder / "encoder.onnx").is_file()
+        rows = np.isin(whole.trajectory.t_s, part.trajectory.t_s)
+        npt.assert_allclose(
+            part.trajectory.world_from_body, whole.trajectory.world_from_body[rows], atol=1e-6
+        )
+        npt.assert_array_equal(read_map(folder).xy_m, part.floor_map.xy_m)
+
+
+def test_an_older_building_gives_way_only_where_that_is_said(building: Path, walk: Path) -> None:
+    with pytest.raises(StoreError, match="already exists"):
+        map_into(building, walk, JOB, silent)
+
+
+def test_one_of_many_recordings_may_be_a_building(walk: Path, tmp_path: Path) -> None:
+    job = MapJob((), None, "spectral", Settings(), overwrite=False)
+    assert map_many(tmp_path, [walk], job, silent) == {}
+    assert read_building(tmp_path / walk.name).levels == (0, 1)
