@@ -8,10 +8,12 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
+from elfslam.app.locate import locate_from
 from elfslam.app.map import MapJob, map_into, map_many
 from elfslam.app.settings import Settings
-from elfslam.base.errors import StoreError
-from elfslam.base.values import silent
+from elfslam.base.enums import Modality, Mode
+from elfslam.base.errors import InputError, StoreError
+from elfslam.base.values import FixStatus, silent
 from elfslam.data.building_files import floor_folder, read_building
 from elfslam.data.map_files import read_facts, read_map
 from elfslam.data.recordings import write_recording
@@ -68,3 +70,25 @@ def test_one_of_many_recordings_may_be_a_building(walk: Path, tmp_path: Path) ->
     job = MapJob((), None, "spectral", Settings(), overwrite=False)
     assert map_many(tmp_path, [walk], job, silent) == {}
     assert read_building(tmp_path / walk.name).levels == (0, 1)
+
+
+@pytest.mark.parametrize("mode", list(Mode))
+def test_a_query_is_located_on_the_floor_that_it_is_on(
+    building: Path, walk: Path, mode: Mode
+) -> None:
+    """Both floors are one room here: echo by echo they can hardly be told apart."""
+    fixes = locate_from(walk, building, Settings(), mode=mode)
+    levels = read_run(building).visited.levels.at(fixes.t_s)
+    assert fixes.level is not None
+    assert len(fixes.t_s) > 30
+    known = np.isfinite(fixes.level)
+    npt.assert_array_equal(fixes.level[known], levels[known])
+    on_stairs = np.isnan(levels)
+    assert on_stairs.any()
+    assert np.isnan(fixes.xy_m[on_stairs]).all()
+    assert not np.isin(fixes.status[~known], [FixStatus.OK]).any()
+
+
+def test_other_senses_than_echoes_are_refused(building: Path, walk: Path) -> None:
+    with pytest.raises(InputError, match="in which echoes alone locate"):
+        locate_from(walk, building, Settings(), by=[Modality.WIFI])

@@ -469,7 +469,8 @@ class FixStatus(IntEnum):
 class Fixes(Value, Plotted):
     """Positions in a map; NaN where the status says that there is none.
 
-    `t_s` is the middle of the echoes used; `status` holds `FixStatus` values.
+    `t_s` is the middle of the echoes used; `status` holds `FixStatus` values. In a building each
+    has its `level`, NaN where nobody can say.
     """
 
     t_s: F64 = array("n", increasing=True)
@@ -478,6 +479,7 @@ class Fixes(Value, Plotted):
     covariance_m2: F64 = array("n", 2, 2, finite=False, covariance=True)
     score: F64 = array("n", finite=False)
     status: I64 = array("n", dtype=np.int64)
+    level: F64 | None = array("n", finite=False, optional=True)
 
 
 @dataclass(frozen=True, eq=False)

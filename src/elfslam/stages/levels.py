@@ -62,7 +62,13 @@ class LevelParameters:
         0.25, "m", "no stairs rise further a footstep: an escalator is walked", 0.1, 1.0
     )
     lift_speed_mps: float = parameter(
-        0.45, "m/s", "who stands and is this fast is in a lift", 0.1, 3.0
+        0.38, "m/s", "who stands and is this fast is in a lift", 0.1, 3.0
+    )
+    vote_s: float = parameter(
+        20.0, "s", "without a barometer the sound of so long votes on the floor", 0.1, 3600.0
+    )
+    least_lead: float = parameter(
+        0.02, "", "similarity by which a floor must lead the next likely", 0.0, 2.0
     )
     tread_m: float = parameter(0.29, "m", "how far a footstep on stairs gets", 0.1, 1.0)
     tread_sigma_m: float = parameter(0.15, "m", "how far that is off, landings too", 0.01, 5.0)
@@ -71,12 +77,11 @@ class LevelParameters:
 
 @dataclass(frozen=True)
 class _Rise:
-    """A change of height (m, up is positive) between two times (s), and its highest speed."""
+    """A change of height (m, up is positive) between two times (s)."""
 
     begin_s: float
     end_s: float
     height_m: float
-    speed_mps: float = 0.0
 
 
 def find_levels(
@@ -161,10 +166,7 @@ def _lasting(
         weakest = int(np.argmin(changes_m))
         if changes_m[weakest] >= parameters.least_storey_m:
             plateaus_m = np.column_stack([before_m, after_m])
-            return [
-                _timed(t_s, height_m, *each, parameters)
-                for each in zip(ends, plateaus_m, strict=True)
-            ]
+            return [_timed(t_s, height_m, *each) for each in zip(ends, plateaus_m, strict=True)]
         rises = _merged(rises[:weakest] + rises[weakest + 1 :], parameters)
     return []
 
@@ -183,9 +185,7 @@ def _plateaus(ends: I64, sums: F64, stay: int) -> tuple[F64, F64]:
     return before, after
 
 
-def _timed(
-    t_s: F64, height_m: F64, ends: I64, plateaus_m: F64, parameters: LevelParameters
-) -> _Rise:
+def _timed(t_s: F64, height_m: F64, ends: I64, plateaus_m: F64) -> _Rise:
     """The rise between two rows and two heights: no gust before it counts, nor one after it."""
     first, last = ends
     rows = slice(first, last + 1)
@@ -195,8 +195,6 @@ def _timed(
     half, back = np.argmax(upper), len(share) - np.argmax(lower[::-1])
     begin = np.flatnonzero(share[: half + 1] <= EDGE)
     end = np.flatnonzero(share[back:] >= 1 - EDGE)
-    window = min(round(parameters.speed_window_s / GRID_S), len(share) - 1)
-    moved_m = np.abs(height_m[rows][window:] - height_m[rows][: len(share) - window]).max()
     left_s = float(t_s[first + (begin[-1] if len(begin) else 0)])
     reached_s = float(t_s[first + back + end[0] if len(end) else last])
     beyond_s = (reached_s - left_s) * EDGE / (1 - 2 * EDGE)
@@ -204,7 +202,6 @@ def _timed(
         max(left_s - beyond_s, float(t_s[first])),
         min(reached_s + beyond_s, float(t_s[last])),
         float(change_m),
-        float(moved_m / (window * GRID_S)),
     )
 
 
@@ -237,8 +234,9 @@ def _kind(rise: _Rise, footsteps_t_s: F64, parameters: LevelParameters) -> Level
     steps = int(((footsteps_t_s >= rise.begin_s) & (footsteps_t_s <= rise.end_s)).sum())
     if abs(rise.height_m) <= parameters.most_rise_m * steps:
         return LevelPassage.STAIRS
-    walks = steps >= parameters.least_cadence_hz * (rise.end_s - rise.begin_s)
-    fast = rise.speed_mps >= parameters.lift_speed_mps
+    lasting_s = rise.end_s - rise.begin_s
+    walks = steps >= parameters.least_cadence_hz * lasting_s
+    fast = abs(rise.height_m) >= parameters.lift_speed_mps * lasting_s
     return LevelPassage.LIFT if fast and not walks else LevelPassage.ESCALATOR
 
 
