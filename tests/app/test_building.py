@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,8 @@ from elfslam.app.map import MapJob, map_into, map_many
 from elfslam.app.settings import Settings
 from elfslam.base.enums import Modality, Mode
 from elfslam.base.errors import InputError, StoreError
-from elfslam.base.values import FixStatus, silent
+from elfslam.base.values import FixStatus, LevelPassage, Levels, silent
+from elfslam.cli.app import run
 from elfslam.data.building_files import floor_folder, read_building
 from elfslam.data.map_files import read_facts, read_map
 from elfslam.data.recordings import write_recording
@@ -28,9 +31,13 @@ JOB = MapJob((), None, "compact", Settings(), overwrite=False)
 def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two rounds of the studio on one floor, two on the next."""
     folder = tmp_path_factory.mktemp("recordings") / "walk"
-    recording = simulate(load_world("studio"), seed=107, rounds=4)[0]
+    recording, truth = simulate(load_world("studio"), seed=107, rounds=4)
     assert recording.imu is not None
-    write_recording(with_stairs(recording, recording.imu.t_s[-1] / 2, 10.0), folder)
+    middle_s = float(recording.imu.t_s[-1] / 2)
+    by = (None, LevelPassage.STAIRS, None)
+    levels = Levels(np.array([0.0, middle_s, middle_s + 10]), np.array([0, np.nan, 1]), by)
+    climbed = with_stairs(recording, middle_s, 10.0)
+    write_recording(climbed, folder, truth=replace(truth, levels=levels))
     return folder
 
 
@@ -92,3 +99,19 @@ def test_a_query_is_located_on_the_floor_that_it_is_on(
 def test_other_senses_than_echoes_are_refused(building: Path, walk: Path) -> None:
     with pytest.raises(InputError, match="in which echoes alone locate"):
         locate_from(walk, building, Settings(), by=[Modality.WIFI])
+
+
+def test_scores_say_whether_floors_are_right(
+    building: Path, walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fixes = str(tmp_path / "fixes.csv")
+    assert run(["locate", str(walk), str(building), fixes]) == 0
+    capsys.readouterr()
+    for what in (str(building), fixes):
+        assert run(["score", what, str(walk), "--json"]) == 0
+        row = json.loads(capsys.readouterr().out)[-1]
+        assert row["floor_right"] > 0.95
+    assert run(["score", str(building), str(walk)]) == 0
+    said = capsys.readouterr().out
+    assert "Errors by floor" in said
+    assert "kind_right" in said
