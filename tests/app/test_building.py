@@ -9,19 +9,25 @@ from pathlib import Path
 import numpy as np
 import numpy.testing as npt
 import pytest
+from shapely.geometry import shape
 
+from elfslam.app.export import ExportContext, export
 from elfslam.app.locate import locate_from
 from elfslam.app.map import MapJob, map_into, map_many
 from elfslam.app.settings import Settings
-from elfslam.base.enums import Modality, Mode
+from elfslam.base.enums import Format, Modality, Mode
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.values import FixStatus, LevelPassage, Levels, silent
 from elfslam.cli.app import run
 from elfslam.data.building_files import floor_folder, read_building
+from elfslam.data.geographic import Origin
+from elfslam.data.imdf import Venue
 from elfslam.data.map_files import read_facts, read_map
+from elfslam.data.plan_geojson import read_plan_shapes
 from elfslam.data.recordings import write_recording
 from elfslam.data.runs import read_run
 from elfslam.world.simulate import load_world, simulate
+from tests.data.imdf_rules import faults_of, read_imdf
 from tests.stages.pressure import with_stairs
 
 JOB = MapJob((), None, "compact", Settings(), overwrite=False)
@@ -99,6 +105,53 @@ def test_a_query_is_located_on_the_floor_that_it_is_on(
 def test_other_senses_than_echoes_are_refused(building: Path, walk: Path) -> None:
     with pytest.raises(InputError, match="in which echoes alone locate"):
         locate_from(walk, building, Settings(), by=[Modality.WIFI])
+
+
+TOLD = ExportContext(
+    Origin(47.0, 8.0), Venue("Tower", "hotel", "Hauptstrasse 1", "Bern", "CH", "Ground floor", 0)
+)
+
+
+def test_its_levels_are_one_archive_of_imdf(building: Path, tmp_path: Path) -> None:
+    export(building, tmp_path / "imdf.zip", Format.IMDF, TOLD)
+    archive = read_imdf(tmp_path / "imdf.zip")
+    assert faults_of(archive) == []
+    told = [each["properties"] for each in archive["level"]["features"]]
+    names = [(each["ordinal"], each["name"]["en"]) for each in told]
+    assert names == [(0, "Ground floor"), (1, "Level 1")]
+    amenities = archive["amenity"]["features"]
+    assert [each["properties"]["category"] for each in amenities] == ["stairs", "stairs"]
+
+
+def test_geojson_states_levels_and_its_levels_are_read_again(
+    building: Path, tmp_path: Path
+) -> None:
+    file = tmp_path / "tower.geojson"
+    export(building, file, Format.GEOJSON, TOLD)
+    features = json.loads(file.read_text())["features"]
+    assert {each["properties"]["level"] for each in features} == {"0", "1", "0;1"}
+    for level in read_building(building).levels:
+        drawn = read_plan_shapes(file, TOLD.origin, str(level))
+        spots = [
+            shape(each["geometry"])
+            for each in features
+            if each["properties"]["level"] == str(level) and each["properties"]["kind"] == "spot"
+        ]
+        assert len(spots) == len(read_map(floor_folder(building, level)).xy_m)
+        assert len(drawn.lines) == 2  # the walk on that floor, and the stairs
+    (stairs,) = [each for each in features if each["properties"]["level"] == "0;1"]
+    assert shape(stairs["geometry"]).is_valid
+
+
+def test_ros_gets_a_map_a_floor_and_others_ask_for_one(building: Path, tmp_path: Path) -> None:
+    export(building, tmp_path / "map.yaml", Format.ROS, TOLD)
+    for level in (0, 1):
+        assert f"map_{level}.pgm" in (tmp_path / f"map_{level}.yaml").read_text()
+        assert (tmp_path / f"map_{level}.pgm").is_file()
+    export(building, tmp_path / "walk.tum", Format.TUM)
+    export(building, tmp_path / "walk.onnx", Format.ONNX)
+    with pytest.raises(StoreError, match="is a building, wanted one floor"):
+        export(building, tmp_path / "walk.parquet", Format.PARQUET)
 
 
 def test_scores_say_whether_floors_are_right(
