@@ -32,7 +32,7 @@ NO_WORDS = {
     "application/json, application/octet-stream", "elfslam …, phone page", "Android", "Problem",
     "Bearer …", "no element …", "script, style, noscript, [translate=no]", "Enter", "no room",
     "Fourier transform: wanted a power of two, got …", "elfslam serve", "page waiting",
-    "map-page waiting", "yaw rate", "magnetic field", "access points", "sound level",
+    "map-page waiting", "yaw rate", "magnetic field", "air pressure", "access points", "sound level",
     "Indoor Location Competition", "Sensor Logger", "… Hz", "Files",
     "linear-gradient(to right, …)", "600 13px system-ui, sans-serif",
     "650 15px system-ui, sans-serif", "… …px system-ui, sans-serif", "primary big",
