@@ -51,7 +51,7 @@ def building_of(run: Run, levels: Sequence[int]) -> Building:
     floors = tuple(each for each in visited.floors if each.level in levels)
     walked = [
         each
-        for each in _passages_walked(run.trajectory, visited)
+        for each in passages_walked(run.trajectory, visited)
         if {each.from_level, each.to_level} <= set(levels)
     ]
     return Building(run.name, floors, gathered_passages(walked))
@@ -137,7 +137,7 @@ def _chosen_closures(run: Run, kept: I64) -> tuple[Closures, F64]:
     return replace(closures, i=i, j=j), run.trajectory.closure_weights[there]
 
 
-def _passages_walked(trajectory: Trajectory, visited: FloorsVisited) -> list[Passage]:
+def passages_walked(trajectory: Trajectory, visited: FloorsVisited) -> list[Passage]:
     """Each passage as it was taken, at the places where the floors were left and reached."""
     walked = []
     for begin_s, end_s, kind, (before, after) in passages_of(visited.levels):
