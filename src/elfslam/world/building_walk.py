@@ -67,6 +67,8 @@ PADDING: tuple[Literal["constant", "edge"], ...] = ("constant", "constant", "edg
 LIFT_MPS2 = 0.8
 """As lifts for persons accelerate."""
 SMOOTH_S = 0.25
+PROBED = 10
+"""So many centimetres apart people look how far they can go aside."""
 
 
 class Path(NamedTuple):
@@ -198,16 +200,15 @@ def walk_through(
 
 def _room_beside(path: Path, course: Sequence[WalkLeg]) -> tuple[F64, F64]:
     """How the path bends (k), and how far beside it one can go (k, 2): not at all off floors."""
-    bend_pm = np.gradient(
-        path.heading_rad, np.maximum(path.along_m, np.arange(len(path.along_m)) * 1e-9)
-    )
+    bend_pm = np.gradient(path.heading_rad) / np.maximum(np.gradient(path.along_m), 1e-4)
     free_m = np.zeros((len(bend_pm), 2))
     ends = np.searchsorted(path.along_m, path.ends_m, side="right")
     for stretch, start, end in zip(course, [0, *ends], ends, strict=False):
         if stretch.gait is Gait.WALK:
-            part = slice(start, end)
+            at = np.arange(start, end, PROBED)
             room = walked_room(stretch.place.world)
-            free_m[part] = free_beside(path.xy_m[part], bend_pm[part], room)
+            beside_m = free_beside(path.xy_m[at], path.heading_rad[at], bend_pm[at], room)
+            free_m[start:end] = np.repeat(beside_m, PROBED, axis=0)[: end - start]
     return bend_pm, narrowed(free_m)
 
 
