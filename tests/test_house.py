@@ -48,6 +48,7 @@ DOOR = {"base", "stages", "slam", "data", "app"}
 """What `import elfslam` gives stands in these rooms: the package's own file hands it on."""
 BASE_MAY_IMPORT = {"numpy", "elfslam"}
 NAMED_TWICE = {
+    "Building": "the floors of one and their passages, and the row of the database with its name",
     "Recording": "the walk, and the row of the database that says where its files lie",
 }
 """Public classes that share a name, each with the reason why."""

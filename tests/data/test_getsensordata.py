@@ -102,6 +102,23 @@ def test_landmarks_become_waypoints_in_metres(tmp_path: Path) -> None:
     assert np.isnan(truth.world_from_body[:, 2]).all()
 
 
+def test_with_a_barometer_landmarks_of_all_floors_are_the_truth(tmp_path: Path) -> None:
+    lines = [
+        f"POSI;{START_S + k / 2};{k + 1};{ORIGIN.latitude_deg};{ORIGIN.longitude_deg};{floor};2"
+        for k, floor in enumerate([1, 1, 3, 3])
+    ]
+    elsewhere = f"POSI;{START_S + 9};5;{ORIGIN.latitude_deg};{ORIGIN.longitude_deg};1;4"
+    pressed = record("PRES", [1003.25])
+    read = read_getsensordata(log(tmp_path, [*motion(), *pressed, *lines, elsewhere]))
+    assert read.damaged_lines == 0
+    barometer, levels = read.recording.barometer, read.truth.levels
+    np.testing.assert_allclose(barometer.pressure_hpa, 1003.25)
+    np.testing.assert_allclose(barometer.t_s, T_S, atol=0.02)
+    np.testing.assert_allclose(read.truth.t_s, [0, 0.5, 1, 1.5], atol=1e-9)
+    at = levels.at(np.array([0.0, 0.5, 0.8, 1.0, 1.5]))
+    np.testing.assert_array_equal(at, [1, 1, np.nan, 3, 3])
+
+
 def test_a_decimal_comma_is_one(tmp_path: Path) -> None:
     lines = [line.replace(".", ",") for line in motion()]
     imu = read_getsensordata(log(tmp_path, lines)).recording.imu

@@ -6,6 +6,7 @@ import copy
 import re
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from shapely.geometry import shape
 from elfslam.base.errors import InputError
 from elfslam.base.values import PointKind, PointOfInterest
 from elfslam.data.geographic import Origin
-from elfslam.data.imdf import Venue, imdf_archive, read_place, write_imdf
+from elfslam.data.imdf import Venue, WalkedLevel, imdf_archive, read_place, write_imdf
 from tests.data.imdf_rules import faults_of, read_imdf
 
 ORIGIN = Origin(47.3769, 8.5417, 20.0)
@@ -42,18 +43,18 @@ ordinal = 0
 
 @pytest.fixture(scope="module")
 def archive() -> dict[str, Any]:
-    return dict(imdf_archive([LAP, APART], PLACE, ORIGIN, NOON, POINTS))
+    return dict(imdf_archive([WalkedLevel(PLACE, [LAP, APART], POINTS)], ORIGIN, NOON))
 
 
 def test_the_archive_is_read_as_it_was_made(tmp_path: Path, archive: dict[str, Any]) -> None:
-    write_imdf(tmp_path / "a.zip", [LAP, APART], PLACE, ORIGIN, NOON, POINTS)
+    write_imdf(tmp_path / "a.zip", [WalkedLevel(PLACE, [LAP, APART], POINTS)], ORIGIN, NOON)
     read = read_imdf(tmp_path / "a.zip")
     assert read == archive
     assert faults_of(read) == []
     names = zipfile.ZipFile(tmp_path / "a.zip").namelist()
     kinds = ("address", "venue", "building", "footprint", "level", "unit", "amenity")
     assert names == ["manifest.json", *(f"{kind}.geojson" for kind in kinds)]
-    write_imdf(tmp_path / "b.zip", [LAP, APART], PLACE, ORIGIN, NOON, POINTS)
+    write_imdf(tmp_path / "b.zip", [WalkedLevel(PLACE, [LAP, APART], POINTS)], ORIGIN, NOON)
     assert (tmp_path / "a.zip").read_bytes() == (tmp_path / "b.zip").read_bytes()
 
 
@@ -94,9 +95,9 @@ def test_the_rules_see_what_is_broken(archive: dict[str, Any]) -> None:
 
 
 def test_ids_are_the_place_s_and_the_level_s() -> None:
-    upstairs = imdf_archive([LAP], Venue(**{**vars(PLACE), "ordinal": 1}), ORIGIN, NOON)
-    again = imdf_archive([LAP + 1], PLACE, ORIGIN, NOON)
-    first = imdf_archive([LAP], PLACE, ORIGIN, NOON)
+    upstairs = imdf_archive([WalkedLevel(replace(PLACE, ordinal=1), [LAP])], ORIGIN, NOON)
+    again = imdf_archive([WalkedLevel(PLACE, [LAP + 1])], ORIGIN, NOON)
+    first = imdf_archive([WalkedLevel(PLACE, [LAP])], ORIGIN, NOON)
 
     def id_of(archive: Any, kind: str) -> str:
         return str(archive[kind]["features"][0]["id"])
@@ -138,10 +139,24 @@ def test_a_place_that_breaks_a_rule_writes_nothing(
 ) -> None:
     wrong = Venue(**{**vars(PLACE), name: value})
     with pytest.raises(InputError, match=re.escape(fault)):
-        write_imdf(tmp_path / "a.zip", [LAP], wrong, ORIGIN, NOON)
+        write_imdf(tmp_path / "a.zip", [WalkedLevel(wrong, [LAP])], ORIGIN, NOON)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_map_across_the_date_line_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="lies across longitude 180"):
-        write_imdf(tmp_path / "a.zip", [LAP], PLACE, Origin(0.0, 180.0), NOON)
+        write_imdf(tmp_path / "a.zip", [WalkedLevel(PLACE, [LAP])], Origin(0.0, 180.0), NOON)
+
+
+def test_several_levels_are_one_archive(tmp_path: Path, archive: dict[str, Any]) -> None:
+    upper = replace(PLACE, ordinal=1, level="Level 1", level_short_name="1")
+    floors = [WalkedLevel(PLACE, [LAP, APART], POINTS), WalkedLevel(upper, [LAP + 2], POINTS[:1])]
+    write_imdf(tmp_path / "a.zip", floors, ORIGIN, NOON)
+    read = read_imdf(tmp_path / "a.zip")
+    assert faults_of(read) == []
+    levels = {each["id"]: each["properties"] for each in read["level"]["features"]}
+    assert [told["ordinal"] for told in levels.values()] == [0, 1]
+    units = read["unit"]["features"]
+    assert [levels[unit["properties"]["level_id"]]["ordinal"] for unit in units] == [0, 0, 1]
+    assert units[:2] == archive["unit"]["features"]
+    assert len(read["amenity"]["features"]) == 3

@@ -21,6 +21,7 @@ from elfslam.base.values import FloorMap, Payload, PointKind, PointOfInterest, P
 from elfslam.data.geographic import Origin, from_lon_lat
 from elfslam.data.map_exports import (
     image_beside,
+    map_features,
     read_g2o,
     ros_map,
     walk_lines,
@@ -53,7 +54,8 @@ def test_walks_spots_and_cells_are_where_the_map_has_them(
     floor_map: FloorMap, tmp_path: Path
 ) -> None:
     ring = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=float)
-    write_geojson(tmp_path / "m.geojson", floor_map, ORIGIN, [(ring, {"kind": "coverage"})])
+    features = map_features(floor_map, ORIGIN, [(ring, {"kind": "coverage"})])
+    write_geojson(tmp_path / "m.geojson", features)
     spots = read(tmp_path / "m.geojson", "spot")
     points = shapely.get_coordinates([shape(each["geometry"]) for each in spots])
     npt.assert_allclose(from_lon_lat(ORIGIN, points), floor_map.xy_m, atol=1e-3)
@@ -72,7 +74,8 @@ def test_walks_spots_and_cells_are_where_the_map_has_them(
 
 def test_points_of_interest_are_points_with_a_name(floor_map: FloorMap, tmp_path: Path) -> None:
     door = PointOfInterest("Tür 5", PointKind.DOOR, 1.5, -2.0)
-    write_geojson(tmp_path / "m.geojson", floor_map, ORIGIN, points_of_interest=[door])
+    features = map_features(floor_map, ORIGIN, points_of_interest=[door])
+    write_geojson(tmp_path / "m.geojson", features)
     (told,) = read(tmp_path / "m.geojson", "point_of_interest")
     assert told["properties"] == {"kind": "point_of_interest", "name": "Tür 5", "category": "door"}
     place = shapely.get_coordinates(shape(told["geometry"]))

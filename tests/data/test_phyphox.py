@@ -267,7 +267,7 @@ def test_every_buffer_of_the_experiment_is_declared_and_exported() -> None:
     assert declared["accelerometer_x"] == 0  # grows without end
     assert float(root.get("version", 0)) >= 1.16
     kinds = {each.get("type") for each in root.iter("sensor")}
-    assert kinds == {"accelerometer", "gyroscope", "magnetic_field", "attitude"}
+    assert kinds == {"accelerometer", "gyroscope", "magnetic_field", "attitude", "pressure"}
     assert all(each.get("rate") is None for each in root.iter("sensor"))  # as fast as they go
 
 
@@ -313,3 +313,14 @@ def test_several_sensors_in_one_table_are_told_apart(tmp_path: Path) -> None:
     content["Accelerometer.csv"] = table([*linear, *whole[1:]])
     imu = read_phyphox(export(tmp_path, content)).recording.imu
     np.testing.assert_allclose(imu.accel_mps2, stepping(9.81 * UP), atol=1e-6)
+
+
+@pytest.mark.parametrize("names", [("Time (s)", "Pressure (hPa)"), ("Zeit (s)", "Druck (hPa)")])
+def test_the_barometer_is_read_in_any_language(tmp_path: Path, names: tuple[str, str]) -> None:
+    slow_s = np.arange(3.0)
+    written = table([(names[0], slow_s), (names[1], [0.0, 1013.25, 1013.5])])
+    made = export(tmp_path, {**silent_files(), "Pressure.csv": written})
+    barometer = read_phyphox(made).recording.barometer
+    assert barometer is not None
+    np.testing.assert_allclose(barometer.t_s, [1, 2])
+    np.testing.assert_allclose(barometer.pressure_hpa, [1013.25, 1013.5])

@@ -112,6 +112,26 @@ def test_rows_from_before_the_start_are_kept(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("rows", "unit_hpa"), [([0.5, 1013.25], 1.0), ([-0.5, 101.325], 10.0)], ids=["hPa", "kPa"]
+)
+def test_the_barometer_is_read_in_either_unit(
+    tmp_path: Path, rows: list[float], unit_hpa: float
+) -> None:
+    written = table(np.array(rows), "pressure,relativeAltitude")
+    barometer = read_sensorlogger(
+        log(tmp_path, {**ANDROID, "Barometer.csv": written})
+    ).recording.barometer
+    np.testing.assert_allclose(barometer.pressure_hpa, np.full(len(T_S), rows[1] * unit_hpa))
+    np.testing.assert_allclose(barometer.t_s, T_S)
+
+
+def test_a_barometer_that_says_nothing_of_the_air_is_left_out(tmp_path: Path) -> None:
+    for written in (table(np.zeros(1), "pressure"), table(np.zeros(1), "relativeAltitude")):
+        files = {**ANDROID, "Barometer.csv": written}
+        assert read_sensorlogger(log(tmp_path, files)).recording.barometer is None
+
+
 def test_networks_are_read_whatever_their_names(tmp_path: Path) -> None:
     rows = "time,seconds_elapsed,ssid,bssid,frequency,level,capabilities\n" + "".join(
         f'1,{t_s},{name},{bssid},2412,{level},"[WPA2]"\n'

@@ -10,7 +10,7 @@ import pytest
 from planted_blocks import loaded
 
 from elfslam.base.errors import InputError
-from elfslam.base.values import Emr, Magnetometer, Recording, Truth, WifiScans
+from elfslam.base.values import Barometer, Emr, Magnetometer, Recording, Truth, WifiScans
 from elfslam.world.device import BMI160, BROWSER
 from elfslam.world.sensors import Sensor, parse_sensors
 from elfslam.world.simulate import simulate
@@ -45,7 +45,7 @@ from_m = [0.0, 0.0, 0.3]
 to_m = [4.0, 0.0, 0.3]
 current_a = [1.0, 0.1, 0.4]
 """
-SENSED = ("wifi", "magnetometer", "emr")
+SENSED = ("wifi", "magnetometer", "emr", "barometer")
 
 
 def world_of(folder: Path, text: str) -> World:
@@ -70,7 +70,7 @@ def sensed(studio: World) -> Recording:
 
 
 def bytes_of(value: object) -> bytes:
-    assert isinstance(value, WifiScans | Magnetometer | Emr)
+    assert isinstance(value, WifiScans | Magnetometer | Emr | Barometer)
     arrays = [getattr(value, item.name) for item in fields(value)]
     return b"".join(values.tobytes() for values in arrays if isinstance(values, np.ndarray))
 
@@ -83,7 +83,7 @@ def test_a_walk_without_them_is_what_it_always_was(plain: tuple[Recording, Truth
     recording, truth = plain
     assert recording.audio is not None
     assert recording.imu is not None
-    assert [getattr(recording, name) for name in SENSED] == [None] * 3
+    assert [getattr(recording, name) for name in SENSED] == [None] * 4
     sound = recording.audio.samples[0, [5_000, 100_000, 300_000]]
     np.testing.assert_allclose(sound, [1.700160e-4, 2.359560e-4, -1.716932e-4], atol=1e-8)
     accel, gyro = recording.imu.accel_mps2[700], recording.imu.gyro_radps[700]

@@ -82,20 +82,20 @@ def simulate(
 ) -> tuple[Recording, Truth]:
     """A simulated walk with a phone, and its truth. Same world and seed, same bytes.
 
-    `world` is a built-in name or a TOML file. `kind` is surveyor (who keeps to one line), people or
-    quiet; who is `asking` comes on another day with another phone, people by other ways. `walk`
-    holds keywords of `world.simulate.simulate`, such as `rounds=5`, `rate_hz=48_000`,
-    `reverse=True`. Raises InputError and ParameterError.
+    `world` is a built-in name or a TOML file, of one floor or of a building, whose walk takes
+    `plan=(0, 1, 0)` besides. `kind` is surveyor (who keeps to one line), people or quiet; who is
+    `asking` comes on another day with another phone, people by other ways. `walk` holds keywords of
+    `world.simulate.simulate`, such as `rounds=5`, `rate_hz=48_000`, `reverse=True`. Raises
+    InputError and ParameterError.
     """
+    from elfslam.world.building import load_place
     from elfslam.world.kinds import kind_named
-    from elfslam.world.simulate import simulate as simulate_walk
-    from elfslam.world.world_file import load_world
+    from elfslam.world.simulate_building import simulate_place, usual_day
 
-    place, whose = load_world(world), kind_named(kind)
-    today = whose.asking(place.room) if asking else whose.mapping(place.room)
-    place = whose.asking_place(place, seed) if asking else place
+    whose = kind_named(kind)
+    today, place = usual_day(load_place(world), whose, seed, asking=asking)
     usual: dict[str, Any] = {"walker": whose.walker, "circumstances": today}
-    return simulate_walk(place, seed, **usual | walk)
+    return simulate_place(place, seed, **usual | walk)
 
 
 @checked

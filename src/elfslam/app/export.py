@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
 from elfslam.base.arrays import F64
+from elfslam.base.building import Building
 from elfslam.base.enums import Format
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.grid import BODY_RADIUS_M, walked_grid
 from elfslam.base.text_files import readable
-from elfslam.base.values import FloorMap, Run
+from elfslam.base.values import FloorMap, LevelPassage, PointKind, PointOfInterest, Run
 from elfslam.data import map_exports
 from elfslam.data.atomic_files import new_file, settled
+from elfslam.data.building_files import floor_folder, is_building, read_building
 from elfslam.data.geographic import Origin
-from elfslam.data.imdf import Venue, write_imdf
+from elfslam.data.imdf import Venue, WalkedLevel, write_imdf
 from elfslam.data.map_files import ENCODER, FACTS, MAP, read_map
 from elfslam.data.named_places import read_points
 from elfslam.data.position_files import write_tum
@@ -55,11 +58,17 @@ def export(
 ) -> None:
     """Write a run or a map as a file of another format, whole or not at all.
 
-    A ROS map is two files. An older file is only replaced with `overwrite`. Raises InputError where
-    the run does not hold what the format asks for, ParameterError where something is missing,
-    StoreError where it cannot be read or the file cannot be written.
+    A ROS map is two files, and two for each floor of a building, whose names end in its level. An
+    older file is only replaced with `overwrite`. Raises InputError where the run does not hold what
+    the format asks for, ParameterError where something is missing, StoreError where it cannot be
+    read or the file cannot be written.
     """
     new = partial(new_file, overwrite=overwrite, reads=[source])
+    if to is Format.ROS and is_building(settled(source)):
+        for level in read_building(source).levels:
+            file = out.with_name(f"{out.stem}_{level}{out.suffix}")
+            export(floor_folder(source, level), file, to, context, overwrite=overwrite)
+        return
     if to is Format.ROS:
         image = map_exports.image_beside(out)
         with new(out) as file, new(image) as picture:
@@ -74,7 +83,7 @@ def map_of(source: Path) -> FloorMap:
 
     A run without a map, one by Wi-Fi say, gives a spot per footstep. Raises StoreError.
     """
-    if not (source / FACTS).is_file() or (source / MAP).is_file():
+    if is_building(source) or not (source / FACTS).is_file() or (source / MAP).is_file():
         return read_map(source)
     run = read_run(source)
     poses, count = run.trajectory.world_from_body, len(run.trajectory.t_s)
@@ -99,7 +108,10 @@ def _g2o(source: Path, out: Path, context: ExportContext) -> None:
 
 def _onnx(source: Path, out: Path, context: ExportContext) -> None:
     """The encoder that others are located by."""
-    encoder = source / ENCODER
+    folder = (
+        floor_folder(source, read_building(source).levels[0]) if is_building(source) else source
+    )
+    encoder = folder / ENCODER
     if not encoder.is_file():
         raise InputError(f"{source}: holds no {ENCODER}; map it by its echoes first", argument="by")
     shutil.copyfile(encoder, out)
@@ -107,9 +119,21 @@ def _onnx(source: Path, out: Path, context: ExportContext) -> None:
 
 def _geojson(source: Path, out: Path, context: ExportContext) -> None:
     """Walks, spots, squares of coverage and points of interest on the Earth."""
-    map_exports.write_geojson(
-        out, map_of(source), _origin(context), _coverage(source), read_points(source)
-    )
+    origin = _origin(context)
+    if not is_building(source):
+        map_exports.write_geojson(out, _features(source, origin))
+        return
+    building = read_building(source)
+    floors = [
+        map_exports.on_level(_features(floor_folder(source, level), origin), level)
+        for level in building.levels
+    ]
+    passages = [map_exports.passage_feature(each, origin) for each in building.passages]
+    map_exports.write_geojson(out, [*chain.from_iterable(floors), *passages])
+
+
+def _features(source: Path, origin: Origin) -> list[map_exports.Feature]:
+    return map_exports.map_features(map_of(source), origin, _coverage(source), read_points(source))
 
 
 def _imdf(source: Path, out: Path, context: ExportContext) -> None:
@@ -120,8 +144,34 @@ def _imdf(source: Path, out: Path, context: ExportContext) -> None:
             "give a TOML file with name, category, address, locality, country, level and ordinal",
             argument="place",
         )
-    points = read_points(source)
-    write_imdf(out, _lines(source), context.place, origin, datetime.now(UTC), points)
+    if is_building(source):
+        levels = _walked_levels(source, context.place)
+    else:
+        levels = [WalkedLevel(context.place, _lines(source), read_points(source))]
+    write_imdf(out, levels, origin, datetime.now(UTC))
+
+
+def _walked_levels(source: Path, place: Venue) -> list[WalkedLevel]:
+    """The floors of a building; what is said of the place is said of its level 0."""
+    building = read_building(source)
+    levels = []
+    for level in building.levels:
+        folder, ordinal = floor_folder(source, level), place.ordinal + level
+        named = {"level": f"Level {ordinal}", "level_short_name": str(ordinal)} if level else {}
+        points = [*read_points(folder), *_passage_points(building, level)]
+        there = replace(place, ordinal=ordinal, **named)
+        levels.append(WalkedLevel(there, _lines(folder), points))
+    return levels
+
+
+def _passage_points(building: Building, level: int) -> Iterator[PointOfInterest]:
+    """Where passages leave a floor, as points on it."""
+    for each in building.passages:
+        ends = {each.from_level: each.from_xy_m, each.to_level: each.to_xy_m}
+        if level in ends:
+            kind = PointKind.LIFT if each.kind is LevelPassage.LIFT else PointKind.STAIRS
+            name = f"{each.kind.capitalize()} {each.from_level} - {each.to_level}"
+            yield PointOfInterest(name, kind, *ends[level])
 
 
 def _ros(source: Path, file: Path, picture: Path, image: str, context: ExportContext) -> None:

@@ -28,6 +28,7 @@ from elfslam.baselines.floor_walks import (
     turned,
 )
 from elfslam.data.atomic_files import refuse_occupied, settled
+from elfslam.data.building_files import floor_folder, is_building, read_building
 from elfslam.data.map_files import (
     ENCODER,
     MERGED,
@@ -37,6 +38,7 @@ from elfslam.data.map_files import (
     read_object,
 )
 from elfslam.data.recordings import read_recording
+from elfslam.slam.floor_location import locate_in_building
 from elfslam.slam.front_end import extract_echoes
 from elfslam.slam.pipeline import locate
 from elfslam.stages.checkpoints import CheckpointParameters, gathered, places_visited
@@ -208,6 +210,16 @@ def locate_from(
     encoder is the one beside the map where none is named. `phone_walk` is a walk of the same
     phone in that map, to learn how it hears. Raises InputError and StoreError.
     """
+    if is_building(settled(map_path)):
+        if by and set(by) != {Modality.ELF}:
+            raise InputError(
+                f"{map_path}: is a building, in which echoes alone locate; name one of its floors "
+                f"({floor_folder(map_path, 0)}, say)",
+                argument="by",
+            )
+        return _located_in_building(
+            path, map_path, settings, encoder=encoder, mode=mode, seed=seed, phone_walk=phone_walk
+        )
     floor_map = read_map(settled(map_path))
     kinds = {item.kind for item in floor_map.payloads}
     if by or kinds - {Modality.ELF} == kinds:
@@ -230,6 +242,31 @@ def locate_from(
         recording, floor_map, used, settings, mode=mode, seed=seed, translation=translation
     )
     return replace(fixes, heading_rad=np.full(len(fixes.t_s), np.nan)) if headless else fixes
+
+
+def _located_in_building(
+    path: Path,
+    building: Path,
+    settings: Settings,
+    *,
+    encoder: str | None,
+    mode: Mode,
+    seed: int,
+    phone_walk: Path | None,
+) -> Fixes:
+    """Fixes with a level each. Raises InputError, StoreError."""
+    folders = {level: floor_folder(building, level) for level in read_building(building).levels}
+    floors = {level: read_map(folder) for level, folder in folders.items()}
+    first = min(floors)
+    used = load_encoder(encoder) if encoder else encoder_of(folders[first], floors[first])
+    if phone_walk is not None:
+        raise InputError(
+            f"{building}: is a building, in which no phone is learned yet; leave it out, or name "
+            "one of its floors",
+            argument="phone_walk",
+        )
+    recording = read_recording(path, settings.chirp)
+    return locate_in_building(recording, floors, used, settings, mode=mode, seed=seed)
 
 
 def phone_translation(

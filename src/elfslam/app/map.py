@@ -30,6 +30,7 @@ from elfslam.base.values import (
     silent,
 )
 from elfslam.data.atomic_files import new_file, new_folder, refuse_occupied
+from elfslam.data.building_files import floor_folder, write_building
 from elfslam.data.map_files import BY_TAPS, FACTS, MERGED, MISSING, NOTES, fill_merged, read_facts
 from elfslam.data.recordings import read_recording
 from elfslam.data.runs import digest_of, fill_run, write_run
@@ -37,6 +38,7 @@ from elfslam.learn.parameters import FinetuneParameters
 from elfslam.slam import pipeline as slam
 from elfslam.slam.coverage import Missing, missing_of
 from elfslam.slam.crop import crop
+from elfslam.slam.floors import building_of, floor_runs
 from elfslam.slam.front_end import extract_echoes, too_noisy
 from elfslam.slam.merging.members import MergeParameters
 from elfslam.slam.parameters import Parameters
@@ -75,10 +77,22 @@ def map_into(
     """Map one recording into a run folder with its report, and give the run."""
     refuse_taken(folder, job)
     run, facts, content = mapped_run(path, job, announce)
-    write_reported_run(
-        run, folder, facts=facts, encoder=content, floor_plan=floor_plan, replace=job.overwrite
-    )
+    if run.visited is None:
+        write_reported_run(
+            run, folder, facts=facts, encoder=content, floor_plan=floor_plan, replace=job.overwrite
+        )
+    else:
+        _write_building(run, folder, job, facts=facts, encoder=content)
     return run
+
+
+def _write_building(
+    run: Run, folder: Path, job: MapJob, *, facts: Mapping[str, object], encoder: bytes | None
+) -> None:
+    write_building_run(
+        run, folder, facts=facts, encoder=encoder, parameters=line_only(job.parameters),
+        overwrite=job.overwrite,
+    )  # fmt: skip
 
 
 def refuse_unclosed(run: Run) -> None:
@@ -113,6 +127,33 @@ def write_reported_run(
     with new_folder(folder, replaces=FACTS if replace else None) as partial:
         fill_run(run, partial, facts=facts, encoder=encoder)
         write_report(partial / "report.html", run, facts=facts, floor_plan=floor_plan)
+
+
+def write_building_run(
+    run: Run,
+    folder: Path,
+    *,
+    facts: Mapping[str, object],
+    encoder: bytes | None,
+    parameters: Parameters,
+    overwrite: bool = False,
+) -> None:
+    """A run over several floors as a building, each of which is a run folder of its own.
+
+    At the top lies the whole run with the report, without what only its floors need.
+    """
+    from elfslam.scoring.report import write_report
+
+    parts = floor_runs(run, parameters)
+    with new_folder(folder, replaces=FACTS if overwrite else None) as partial:
+        whole = replace(run, echoes=None, features=None)
+        fill_run(whole, partial, facts=facts, encoder=None)
+        write_building(building_of(run, list(parts)), partial)
+        write_report(partial / "report.html", whole, facts=facts)
+        for level, part in parts.items():
+            floor, told = floor_folder(partial, level), {**facts, "level": level}
+            floor.mkdir(parents=True)
+            fill_run(part, floor, facts=told, encoder=encoder)
 
 
 def write_merged_map(
@@ -393,7 +434,10 @@ def _map_next(path: Path, out: Path, job: MapJob) -> str:
         run, facts, content = mapped_run(path, job, lambda what, share: None)
     except (InputError, NoAnswerError) as error:
         return str(error)
-    write_run(run, out / path.name, facts=facts, encoder=content, replace=job.overwrite)
+    if run.visited is not None:
+        _write_building(run, out / path.name, job, facts=facts, encoder=content)
+    else:
+        write_run(run, out / path.name, facts=facts, encoder=content, replace=job.overwrite)
     return ""
 
 

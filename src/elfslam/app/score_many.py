@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +10,22 @@ import numpy as np
 from elfslam.base.errors import ElfslamError, InputError
 from elfslam.base.geometry import path_length_m
 from elfslam.base.values import Truth
+from elfslam.data.level_files import read_levels
 from elfslam.data.runs import read_run
+from elfslam.data.truth_files import TRUE_LEVELS
 from elfslam.scoring.errors import Alignment, end_error_share, interval, methods, position_errors
 from elfslam.scoring.truth import read_truth
 
 Row = dict[str, object]
+
+
+def truth_of(path: Path) -> Truth:
+    """The truth of a walk with its levels, where those lie beside it. Raises InputError."""
+    truth = read_truth(path)
+    levels = (path if path.is_dir() else path.parent) / TRUE_LEVELS
+    return replace(truth, levels=read_levels(levels)) if levels.is_file() else truth
+
+
 FEWEST_WAYPOINTS = 3
 """With two waypoints a rigid alignment is nearly free."""
 

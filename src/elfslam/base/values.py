@@ -12,12 +12,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import IntEnum, StrEnum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from elfslam.base.arrays import F32, F64, I64, Bool, Value, array, summary
 from elfslam.base.errors import InputError
+
+if TYPE_CHECKING:
+    from elfslam.base.building import FloorsVisited
 
 ECHO_RATE_HZ = 44_100
 ECHO_SAMPLES = 2352  # a 12x48 image needs 96 + 47 * 48 (53.3 ms at 44.1 kHz)
@@ -466,7 +469,8 @@ class FixStatus(IntEnum):
 class Fixes(Value, Plotted):
     """Positions in a map; NaN where the status says that there is none.
 
-    `t_s` is the middle of the echoes used; `status` holds `FixStatus` values.
+    `t_s` is the middle of the echoes used; `status` holds `FixStatus` values. In a building each
+    has its `level`, NaN where nobody can say.
     """
 
     t_s: F64 = array("n", increasing=True)
@@ -475,6 +479,7 @@ class Fixes(Value, Plotted):
     covariance_m2: F64 = array("n", 2, 2, finite=False, covariance=True)
     score: F64 = array("n", finite=False)
     status: I64 = array("n", dtype=np.int64)
+    level: F64 | None = array("n", finite=False, optional=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -482,6 +487,7 @@ class Run(Plotted):
     """What mapping one recording gives, with its evidence.
 
     `compass_sigma_rad` is how sure the compass is that the walk is headed by, where one is.
+    `visited` are the floors of a walk over several; such has no map of its own, its floors have.
     """
 
     name: str
@@ -496,6 +502,7 @@ class Run(Plotted):
     points_of_interest: tuple[PointOfInterest, ...] = ()
     checkpoints: Checkpoints | None = None
     compass_sigma_rad: float | None = None
+    visited: FloorsVisited | None = None
 
     def __repr__(self) -> str:
         """What mapping gave, in a line."""

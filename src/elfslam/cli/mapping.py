@@ -31,6 +31,7 @@ from elfslam.base.enums import Modality, parse_modalities, parse_stretch
 from elfslam.base.parameters import load
 from elfslam.base.values import Run
 from elfslam.cli import options
+from elfslam.data.building_files import FLOORS, is_building, read_building
 from elfslam.data.map_files import MISSING, NOTES, read_facts
 from elfslam.slam.coverage import Missing
 from elfslam.stages.feature import load_encoder
@@ -107,6 +108,10 @@ def _say_mapped(run: Run, out: Path) -> None:
         say(str(Missing(**each)))
     if "finetuning" in facts:
         say(f"fine-tuning: {facts['finetuning']}")
+    if is_building(out):
+        building = read_building(out)
+        floors = ", ".join(map(str, building.levels))
+        say(f"floors {floors} in {out / FLOORS}; {len(building.passages)} passages between them")
     say(
         f"{len(run.trajectory.t_s)} footsteps, {len(run.closures.i)} closures, "
         f"{kept_closures(run)} kept; heading {facts['heading']}; "

@@ -10,7 +10,7 @@ import typer
 
 from elfslam.app.anchor import drawn_plan
 from elfslam.app.console import print_rows, say
-from elfslam.app.score_many import score_walks
+from elfslam.app.score_many import score_walks, truth_of
 from elfslam.base.errors import InputError
 from elfslam.cli.options import AsJson, Plan
 from elfslam.data.atomic_files import replaced_file, settled
@@ -18,8 +18,14 @@ from elfslam.data.map_files import FACTS, read_facts
 from elfslam.data.position_files import read_fixes
 from elfslam.data.runs import read_run
 from elfslam.scoring.errors import ScoreRow, alignment_of, closure_scores, fix_scores, run_scores
+from elfslam.scoring.levels import (
+    fix_level_scores,
+    floor_scores,
+    level_scores,
+    level_shift,
+    on_right_floor,
+)
 from elfslam.scoring.report import write_report
-from elfslam.scoring.truth import read_truth
 
 
 def score(
@@ -45,8 +51,15 @@ def score(
 
 
 def _score_run(folder: Path, truth_path: Path, plan: str | None, *, as_json: bool) -> None:
-    run, truth, drawn = read_run(folder), read_truth(truth_path), drawn_plan(plan)
-    print_rows(run_scores(run, truth), title=f"{run.name}: errors (m)", as_json=as_json)
+    run, truth, drawn = read_run(folder), truth_of(truth_path), drawn_plan(plan)
+    floors, levels = floor_scores(run, truth), level_scores(run, truth)
+    besides = [*floors, *levels] if as_json else []
+    rows = [*run_scores(run, truth), *besides]
+    print_rows(rows, title=f"{run.name}: errors (m)", as_json=as_json)
+    if floors and not as_json:
+        print_rows(floors, title="Errors by floor, aligned as a whole (m)", as_json=False)
+    if levels and not as_json:
+        print_rows(levels, title="Floors", as_json=False)
     if len(run.closures.i) and not as_json:
         print_rows(closure_scores(run, truth), title="Closures", as_json=False)
     with replaced_file(folder / "score.html") as page:
@@ -58,8 +71,15 @@ def _score_fixes(
 ) -> None:
     if (mapped is None) != (map_truth is None):
         raise InputError("score: --map and --map-truth go together; give both or neither")
-    move = np.zeros(3)
+    move, shift = np.zeros(3), 0
     if mapped is not None and map_truth is not None:
-        move = alignment_of(read_run(mapped).trajectory, read_truth(map_truth))
-    table: list[ScoreRow] = fix_scores(read_fixes(file), read_truth(truth_path), move)
-    print_rows(table, title=f"{file.name}: errors (m)", as_json=as_json)
+        run, known = read_run(mapped), truth_of(map_truth)
+        move, shift = alignment_of(run.trajectory, known), level_shift(run, known)
+    fixes, truth = read_fixes(file), truth_of(truth_path)
+    levels = fix_level_scores(fixes, truth, shift)
+    table: list[ScoreRow] = fix_scores(on_right_floor(fixes, truth, shift), truth, move)
+    rows = [*table, *(levels if as_json else [])]
+    on = " on the right floor" if levels else ""
+    print_rows(rows, title=f"{file.name}: errors{on} (m)", as_json=as_json)
+    if levels and not as_json:
+        print_rows(levels, title="Floors", as_json=False)

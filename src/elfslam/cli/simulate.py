@@ -13,19 +13,24 @@ from elfslam.cli.options import Seed
 from elfslam.data.atomic_files import refuse_occupied
 from elfslam.data.recordings import write_recording
 from elfslam.stages.chirp import describe_chirp
+from elfslam.world.building import building_names, load_place, parse_plan
 from elfslam.world.circumstances import ENGINES, SOUNDS, parse_sounds
 from elfslam.world.device import DEVICES, GRADES, built_in_grade
 from elfslam.world.kinds import KINDS, SURVEYOR, kind_named
 from elfslam.world.sensors import parse_sensors
-from elfslam.world.simulate import WALKERS, simulate
-from elfslam.world.world_file import load_world, world_names
+from elfslam.world.simulate import WALKERS
+from elfslam.world.simulate_building import simulate_place, usual_day
+from elfslam.world.world_file import world_names
+
+PLACES = world_names() + building_names()
 
 
 def simulate_command(
-    world: Annotated[str, typer.Argument(help=f"{', '.join(world_names())} or a TOML file.")],
+    world: Annotated[str, typer.Argument(help=f"{', '.join(PLACES)} or a TOML file.")],
     out: Annotated[Path, typer.Argument(help="Folder for the recording and its truth.")],
     seed: Seed = 0,
-    rounds: Annotated[int, typer.Option(min=1, help="Laps of the world's route.")] = 5,
+    rounds: Annotated[int | None, typer.Option(min=1, help="5 laps, 2 on every floor.")] = None,
+    plan: Annotated[str, typer.Option(help="Levels of a building as walked, such as 0,1,0.")] = "",
     rate_hz: Annotated[int, typer.Option("--rate", help="44100 or 48000 Hz.")] = 44_100,
     reverse: Annotated[bool, typer.Option("--reverse", help="The other way round.")] = False,
     kind: Annotated[
@@ -35,7 +40,9 @@ def simulate_command(
         bool, typer.Option("--asking", help="As a query walk in a map: another day, phone and way.")
     ] = False,
     walker: Annotated[str | None, typer.Option(help=f"{' or '.join(WALKERS)}.")] = None,
-    sensors: Annotated[str, typer.Option(help="Besides sound and motion: wifi,magnetic,emr.")] = "",
+    sensors: Annotated[
+        str, typer.Option(help="Besides sound and motion: wifi,magnetic,emr,barometer.")
+    ] = "",
     state: Annotated[str, typer.Option(help="A state of the world's furniture.")] = "",
     day: Annotated[int | None, typer.Option(help="Days since the world was drawn.")] = None,
     lived_in: Annotated[
@@ -54,9 +61,8 @@ def simulate_command(
 ) -> None:
     """Simulate a walk with a phone: a recording, and its truth beside it for scoring."""
     refuse_occupied(out, None)
-    place, whose = load_world(world), kind_named(kind)
-    usual = whose.asking(place.room) if asking else whose.mapping(place.room)
-    place = whose.asking_place(place, seed) if asking else place
+    place, whose = load_place(world), kind_named(kind)
+    usual, place = usual_day(place, whose, seed, asking=asking)
     changed: dict[str, Any] = {
         "day": day, "lived_in": lived_in, "people": people, "device": device, "engine": engine,
     }  # fmt: skip
@@ -66,17 +72,11 @@ def simulate_command(
         **{name: value for name, value in changed.items() if value is not None},
     )  # fmt: skip
     with progress_bar() as announce, compilation_announced(announce):
-        recording, truth = simulate(
-            place,
-            seed,
-            rounds=rounds,
-            rate_hz=rate_hz,
-            reverse=reverse,
-            walker=walker or whose.walker,
-            sensors=parse_sensors(sensors),
-            grade=built_in_grade(imu),
-            circumstances=today,
+        recording, truth = simulate_place(
+            place, seed, plan=parse_plan(plan), rounds=rounds, rate_hz=rate_hz, reverse=reverse,
+            walker=walker or whose.walker, sensors=parse_sensors(sensors),
+            grade=built_in_grade(imu), circumstances=today,
             progress=lambda share: announce(f"simulating {world}", share),
-        )
+        )  # fmt: skip
     write_recording(recording, out, chirp_description=describe_chirp(), truth=truth)
     say(f"wrote {out} ({truth.t_s[-1]:.0f} s)")

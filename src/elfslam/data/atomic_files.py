@@ -25,6 +25,7 @@ MARKERS = {
     "recording.json": "a recording",
     "run.json": "a run",
     "merge.json": "a merged map",
+    "building.json": "a building",
     "anchor.json": "a map on a plan",
     "followed.tum": "a map on a plan",
 }

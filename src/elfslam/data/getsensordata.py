@@ -5,6 +5,7 @@ One record a line, parts by `;`, comments by `%`:
     ACCE | GYRO | MAGN ; app s ; sensor s ; x ; y ; z ; accuracy       m/s2, rad/s, microtesla
     AHRS ; app s ; sensor s ; pitch ; roll ; yaw ; q2 ; q3 ; q4 ; accuracy     degrees; no w
     WIFI ; app s ; sensor s ; name ; address ; [frequency ;] dBm        a name may hold `;`
+    PRES ; app s ; sensor s ; mbar ; accuracy
     POSI ; app s ; counter ; latitude ; longitude ; floor ; building    a landmark that was passed
 
 The app's time is common to all but says when a value was read; the sensor's time says when it
@@ -23,15 +24,24 @@ from pathlib import Path
 
 import numpy as np
 
-from elfslam.base.arrays import F64
+from elfslam.base.arrays import F64, Bool
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_bytes
-from elfslam.base.values import Imu, Magnetometer, Orientation, Recording, Truth, WifiScans
+from elfslam.base.values import (
+    Barometer,
+    Imu,
+    Levels,
+    Magnetometer,
+    Orientation,
+    Recording,
+    Truth,
+    WifiScans,
+)
 from elfslam.data import log_files, sensor_files
 from elfslam.data.geographic import HIGHEST_DEG, Origin, from_lon_lat
 from elfslam.data.tables import in_order, lines_of, number_in
 
-PLACES = "POSI"
+PLACES, PRESSURE = "POSI", "PRES"
 KIND = re.compile(r"[A-Z][A-Z0-9]{3}")
 ADDRESS = re.compile(r"[0-9a-fA-F]{2}([:-][0-9a-fA-F]{2}){5}")
 LARGEST = {
@@ -40,9 +50,12 @@ LARGEST = {
     "MAGN": sensor_files.LARGEST_FIELD_UT,
     "AHRS": 1.01,
     "WIFI": 200.0,
+    PRESSURE: 1e4,
     PLACES: 360.0,
 }
-"""No whole record has a larger value: m/s2, rad/s, microtesla, 1, dBm, degrees."""
+"""No whole record has a larger value: m/s2, rad/s, microtesla, 1, dBm, mbar, degrees."""
+LEFT_S = 1e-3
+"""After a landmark its floor may be left."""
 LONGEST_S = 24 * 3600.0
 """A record at a later time has a damaged one."""
 MOST_APART_S = 0.25
@@ -63,7 +76,7 @@ class Records:
 def read_getsensordata(path: Path) -> log_files.Imported:
     """The walk in a log; t = 0 is its first acceleration, x east and y north of the first landmark.
 
-    Landmarks on another floor than most are left out: the pipeline knows one plane. Raises
+    Landmarks on another floor than most are left out where no barometer tells floors apart. Raises
     InputError where the file is no such log or lacks motion.
     """
     lines = _lines(path)
@@ -93,10 +106,16 @@ def read_getsensordata(path: Path) -> log_files.Imported:
         imu=imu,
         orientation=_orientation(*streams["AHRS"], imu) if "AHRS" in streams else None,
         magnetometer=Magnetometer(*streams["MAGN"]) if "MAGN" in streams else None,
+        barometer=_barometer(streams.get(PRESSURE)),
         wifi=_wifi(path, records.wifi, start_s, clock),
         notes=clock.notes,
     )
-    truth = _truth(*kept[PLACES][0], start_s) if PLACES in kept else None
+    truth = None
+    if PLACES in kept:
+        t_s, places = kept[PLACES][0]
+        # Who knows when floors were changed may be asked for them: all of one building.
+        alike = places[:, 3:] if recording.barometer is not None else places[:, 2:]
+        truth = _truth(t_s - start_s, places, _most(alike))
     damaged = records.damaged + sum(left_out for _, left_out in kept.values())
     return log_files.Imported(recording, truth, damaged)
 
@@ -150,8 +169,9 @@ def _row(cells: Sequence[str]) -> Row:
         _check(whole=abs(latitude) <= HIGHEST_DEG and abs(longitude) <= 180)
         floor = tuple(number_in(cell) for cell in cells[5:7])
         return _time(t_s), latitude, longitude, *floor, *(0.0,) * (2 - len(floor))
-    values = [number_in(cell) for cell in (cells[6:9] if kind == "AHRS" else cells[3:6])]
-    _check(whole=len(values) == 3 and max(map(abs, values)) <= LARGEST[kind])
+    first, count = (6 if kind == "AHRS" else 3), (1 if kind == PRESSURE else 3)
+    values = [number_in(cell) for cell in cells[first : first + count]]
+    _check(whole=len(values) == count and max(map(abs, values)) <= LARGEST[kind])
     return _time(number_in(cells[1])), number_in(cells[2]), *values
 
 
@@ -178,6 +198,10 @@ def _on_sensor_clock(t_s: F64, values: F64) -> log_files.Stream:
     return log_files.rising(measured_s[kept], values[kept, 1:])
 
 
+def _barometer(stream: log_files.Stream | None) -> Barometer | None:
+    return stream and sensor_files.barometer_from(stream[0], stream[1][:, 0])
+
+
 def _orientation(t_s: F64, xyz: F64, imu: Imu) -> Orientation | None:
     w = np.sqrt(np.maximum(0, 1 - (xyz**2).sum(axis=1)))
     return log_files.attitude_that_agrees(t_s, [np.column_stack([xyz, w])], imu)
@@ -193,11 +217,27 @@ def _wifi(
     return sensor_files.scans_from_rows(path, since_s, addresses, rssi_dbm, [math.nan] * len(seen))
 
 
-def _truth(t_s: F64, places: F64, start_s: float) -> Truth:
-    floors = Counter(tuple(row) for row in places[:, 2:])
-    [(floor, _)] = floors.most_common(1)
-    there = (places[:, 2:] == floor).all(axis=1)
-    t_s, degrees = log_files.rising(t_s[there] - start_s, places[there, :2])
-    origin = Origin(*(float(number) for number in degrees[0]))
-    xy_m = from_lon_lat(origin, degrees[:, ::-1])
-    return Truth(t_s, np.column_stack([xy_m, np.full(len(t_s), np.nan)]))
+def _most(rows: F64) -> Bool:
+    """Which rows (n) are those that there are most of."""
+    [(row, _)] = Counter(tuple(row) for row in rows).most_common(1)
+    return np.asarray((rows == row).all(axis=1))
+
+
+def _truth(t_s: F64, places: F64, kept: Bool) -> Truth:
+    """The landmarks that are `kept`; with levels where those are on several floors."""
+    t_s, values = log_files.rising(t_s[kept], places[kept])
+    origin = Origin(*(float(number) for number in values[0, :2]))
+    xy_m = from_lon_lat(origin, values[:, 1::-1])
+    floor = np.rint(values[:, 2])
+    levels = _levels(t_s, floor) if (floor != floor[0]).any() else None
+    return Truth(t_s, np.column_stack([xy_m, np.full(len(t_s), np.nan)]), levels)
+
+
+def _levels(t_s: F64, floor: F64) -> Levels:
+    """The floors of landmarks; between two on different ones nobody says where it was changed."""
+    changes = np.flatnonzero(np.diff(floor))
+    when = [(t_s[0], floor[0])]
+    for k in changes:
+        when += [(t_s[k] + LEFT_S, np.nan), (t_s[k + 1], floor[k + 1])]
+    at_s, level = np.array(when).T
+    return Levels(at_s, level, (None,) * len(level))

@@ -131,21 +131,26 @@ def read_place(file: Path) -> Venue:
     return Venue(**given)
 
 
+@dataclass(frozen=True, eq=False)
+class WalkedLevel:
+    """A level of a venue: the walks on it as lines (each n, 2), and its named places."""
+
+    place: Venue
+    lines_m: Sequence[F64]
+    points_of_interest: Sequence[PointOfInterest] = ()
+
+
 def write_imdf(
-    file: Path,
-    lines_m: Sequence[F64],
-    place: Venue,
-    origin: Origin,
-    created: datetime,
-    points_of_interest: Sequence[PointOfInterest] = (),
+    file: Path, levels: Sequence[WalkedLevel], origin: Origin, created: datetime
 ) -> None:
-    """The archive of a map whose walks are lines (each n, 2).
+    """The archive of a map of one floor or several, which share a frame.
 
     Raises InputError where what the place says breaks a rule of the standard.
     """
-    for fault in _faults_of(place):
-        raise InputError(f"venue: would make no valid IMDF: {fault}; correct the file about it")
-    archive = imdf_archive(lines_m, place, origin, created, points_of_interest)
+    for each in levels:
+        for fault in _faults_of(each.place):
+            raise InputError(f"venue: would make no valid IMDF: {fault}; correct the file about it")
+    archive = imdf_archive(levels, origin, created)
     [ring] = archive["venue"]["features"][0]["geometry"]["coordinates"]
     if np.ptp(np.array(ring)[:, 0]) > 180:
         raise InputError("venue: lies across longitude 180, which IMDF has no rings for; move it")
@@ -174,35 +179,25 @@ def _faults_of(place: Venue) -> Iterator[str]:
             yield f"{kind}: property {name} cannot be {_labels(place, label)!r}"
 
 
-def imdf_archive(
-    lines_m: Sequence[F64],
-    place: Venue,
-    origin: Origin,
-    created: datetime,
-    points_of_interest: Sequence[PointOfInterest] = (),
-) -> Archive:
+def imdf_archive(levels: Sequence[WalkedLevel], origin: Origin, created: datetime) -> Archive:
     """The manifest and a collection for each feature type; an amenity for each point."""
-    units = outlines(walked_grid(lines_m, REACH_M, CELL_M))
-    extent = (_hull(np.concatenate([unit[0] for unit in units]), MARGIN_M),)
+    place = levels[0].place
+    units = [outlines(walked_grid(each.lines_m, REACH_M, CELL_M)) for each in levels]
+    corners = np.concatenate([unit[0] for walked in units for unit in walked])
+    extent = (_hull(corners, MARGIN_M),)
     around, middle = polygon_of(origin, extent), point_of(origin, extent[0].mean(axis=0))
     building = {"category": "unspecified", "address_id": _id(place, "address")}
     footprint = {"category": "ground", "building_ids": [_id(place, "building")]}
-    spots = [point_of(origin, np.array([each.x_m, each.y_m])) for each in points_of_interest]
-    features = {
+    features: dict[str, list[Json]] = {
         "address": [_feature(place, "address", None, _address(place))],
         "venue": [_feature(place, "venue", around, _venue(place, middle))],
         "building": [_feature(place, "building", None, building)],
         "footprint": [_feature(place, "footprint", around, footprint)],
-        "level": [_feature(place, "level", around, _level(place, middle))],
-        "unit": [
-            _feature(place, "unit", polygon_of(origin, unit), _unit(place, origin, unit), k)
-            for k, unit in enumerate(units)
-        ],
-        "amenity": [
-            _feature(place, "amenity", spot, _amenity(place, point, units), k)
-            for k, (point, spot) in enumerate(zip(points_of_interest, spots, strict=True))
-        ],
+        **{kind: [] for kind in OF_A_LEVEL},
     }
+    for each, walked in zip(levels, units, strict=True):
+        for made in _level_features(each, walked, origin):
+            features[made["feature_type"]].append(made)
     manifest = {
         "version": VERSION,
         "created": created.astimezone(UTC).isoformat(timespec="seconds"),
@@ -215,6 +210,19 @@ def imdf_archive(
         for kind, of_kind in features.items()
     }
     return {MANIFEST: manifest, **collections}
+
+
+def _level_features(level: WalkedLevel, units: Sequence[Polygon], origin: Origin) -> Iterator[Json]:
+    """A level, its walked ground as units, and its named places as amenities."""
+    place = level.place
+    extent = (_hull(np.concatenate([unit[0] for unit in units]), MARGIN_M),)
+    around, middle = polygon_of(origin, extent), point_of(origin, extent[0].mean(axis=0))
+    yield _feature(place, "level", around, _level(place, middle))
+    for k, unit in enumerate(units):
+        yield _feature(place, "unit", polygon_of(origin, unit), _unit(place, origin, unit), k)
+    for k, point in enumerate(level.points_of_interest):
+        spot = point_of(origin, np.array([point.x_m, point.y_m]))
+        yield _feature(place, "amenity", spot, _amenity(place, point, units), k)
 
 
 def _id(place: Venue, kind: str, count: int = 0) -> str:

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from elfslam.base.arrays import F64, I64, Bool
+from elfslam.base.building import Passage
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import chain
 from elfslam.base.grid import FloorGrid, Polygon
@@ -50,21 +51,40 @@ def sigma_m(floor_map: FloorMap) -> F64:
     return np.asarray(np.sqrt(np.trace(floor_map.covariance_m2, axis1=1, axis2=2) / 2))
 
 
-def write_geojson(
-    file: Path,
+def map_features(
     floor_map: FloorMap,
     origin: Origin,
     cells: Sequence[tuple[F64, Feature]] = (),
     points_of_interest: Sequence[PointOfInterest] = (),
-) -> None:
+) -> list[Feature]:
     """Walks as LineStrings, spots and points of interest as Points, and cells as Polygons.
 
     A cell is a ring (k, 2) and its properties.
     """
     features = [*_walks(floor_map, origin), *_spots(floor_map, origin)]
     features += [feature(polygon_of(origin, (ring,)), told) for ring, told in cells]
-    features += [_point_of_interest(origin, each) for each in points_of_interest]
-    content = {"type": "FeatureCollection", "features": features}
+    return features + [_point_of_interest(origin, each) for each in points_of_interest]
+
+
+def on_level(features: Sequence[Feature], level: int) -> list[Feature]:
+    """The features with the property `level`, as Simple Indoor Tagging writes it."""
+    return [
+        {**each, "properties": {**each["properties"], "level": str(level)}} for each in features
+    ]
+
+
+def passage_feature(passage: Passage, origin: Origin) -> Feature:
+    """A passage as the line between its ends, on the levels of both."""
+    ends_m = np.array([passage.from_xy_m, passage.to_xy_m])
+    geometry = {"type": "LineString", "coordinates": positions(origin, ends_m)}
+    levels = f"{passage.from_level};{passage.to_level}"
+    told = {"kind": "passage", "category": passage.kind, "duration_s": passage.duration_s}
+    return feature(geometry, {**told, "level": levels})
+
+
+def write_geojson(file: Path, features: Sequence[Feature]) -> None:
+    """A collection of features."""
+    content = {"type": "FeatureCollection", "features": list(features)}
     file.write_text(json.dumps(content, allow_nan=False) + "\n", encoding="utf-8")
 
 

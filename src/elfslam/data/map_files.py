@@ -16,6 +16,7 @@ from elfslam.base.enums import Modality
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.text_files import read_json
 from elfslam.base.values import FloorMap, Payload, PointOfInterest, Trajectory
+from elfslam.data.building_files import FLOORS, is_building
 from elfslam.data.named_places import write_points
 from elfslam.data.npz import read_npz, write_npz
 from elfslam.data.position_files import read_tum, write_tum
@@ -70,6 +71,10 @@ def write_map(floor_map: FloorMap, file: Path) -> None:
 
 def read_map(path: Path) -> FloorMap:
     """The map in a run folder or an .npz file. Raises StoreError."""
+    if is_building(path):
+        raise StoreError(
+            f"{path}: is a building, wanted one floor; name one of its folders in {path / FLOORS}"
+        )
     file = path / MAP if path.is_dir() else path
     arrays = read_npz(file, [*SPOTS, *LABELS])
     try:

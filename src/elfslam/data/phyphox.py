@@ -20,7 +20,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError, ParameterError
-from elfslam.base.values import Audio, Imu, Magnetometer, Orientation, Recording
+from elfslam.base.values import Audio, Barometer, Imu, Magnetometer, Orientation, Recording
 from elfslam.data import log_files, sensor_files
 from elfslam.data.tables import cells_of, parse_rows, read_csv, read_lines, separator_of
 from elfslam.stages.chirp import ACCEPTED_RATES_HZ, ChirpParameters, make_chirp
@@ -41,7 +41,9 @@ RECORDED = {
     "magnetic_field": ("Magnetometer", "Magnetic field", "µT"),
 }
 """By the app's name: the set in which it is exported, its columns, their unit."""
-OPTIONAL = ("magnetic_field", "attitude")
+ATTITUDE_SENSOR, PRESSURE_SENSOR = "attitude", "pressure"
+SENSORS = (*RECORDED, ATTITUDE_SENSOR, PRESSURE_SENSOR)
+OPTIONAL = ("magnetic_field", ATTITUDE_SENSOR, PRESSURE_SENSOR)
 DESCRIPTION = """Record a walk for elfslam: chirps, echoes and motion.
 Turn the media volume up, take off Bluetooth headsets, press play, walk, press pause.
 Export as CSV and import it with: elfslam import phyphox FILE.zip OUT"""
@@ -88,17 +90,19 @@ def _containers(root: ElementTree.Element, period: str, sound_samples: int) -> N
     add("chirp", period.count(",") + 1, {"init": period})
     add("sound", sound_samples)
     add("rate", 1)
-    for sensor in (*RECORDED, "attitude"):
+    for sensor in SENSORS:
         for component in _components(sensor):
             add(f"{sensor}_{component}", 0)
 
 
 def _components(sensor: str) -> tuple[str, ...]:
-    return ("t", "x", "y", "z", "abs") if sensor == "attitude" else ("t", "x", "y", "z")
+    if sensor == PRESSURE_SENSOR:
+        return ("t", "x")
+    return ("t", "x", "y", "z", "abs") if sensor == ATTITUDE_SENSOR else ("t", "x", "y", "z")
 
 
 def _input(given: ElementTree.Element) -> None:
-    for sensor in (*RECORDED, "attitude"):
+    for sensor in SENSORS:
         attributes = {"type": sensor}
         if sensor in OPTIONAL:
             attributes["ignoreUnavailable"] = "true"
@@ -123,7 +127,8 @@ def _export(export: ElementTree.Element) -> None:
     for sensor, (name, quantity, unit) in RECORDED.items():
         columns = [f"{quantity} {axis} ({unit})" for axis in "xyz"]
         _set(export, name, sensor, ("Time (s)", *columns))
-    _set(export, "Attitude", "attitude", QUATERNION_COLUMNS)
+    _set(export, "Attitude", ATTITUDE_SENSOR, QUATERNION_COLUMNS)
+    _set(export, "Pressure", PRESSURE_SENSOR, ("Time (s)", "Pressure (hPa)"))
     for column, buffer in ((SOUND_COLUMN, "sound"), (RATE_COLUMN, "rate")):
         group = ElementTree.SubElement(export, "set", name=column.split(" (")[0])
         ElementTree.SubElement(group, "data", name=column).text = buffer
@@ -140,6 +145,7 @@ DEVICE, EVENTS = "device.csv", "time.csv"
 TIME = re.compile(".*[(\uff08]s[)\uff09]$")
 AXIS = re.compile(r"(?<![a-z])([xyz])(?![a-z])", re.IGNORECASE)
 ACCELERATION, GYROSCOPE, FIELD, ATTITUDE = "acceleration", "gyroscope", "field", "attitude"
+PRESSURE, HECTOPASCAL = "pressure", re.compile(r"hPa|mbar")
 MPS2 = 1.0
 """The unit of an acceleration as its columns state it: metres per second squared."""
 UNITS = {
@@ -196,6 +202,8 @@ def _read_folder(folder: Path, name: str) -> log_files.Imported:
     read |= {GYROSCOPE: gyroscopes[0]} | dict(zip([FIELD], fields, strict=False))
     if (attitude := _named(tables, QUATERNION_COLUMNS)) is not None and len(attitude):
         read[ATTITUDE] = attitude[:, 0], attitude[:, 1:]
+    if (pressure := _pressure(tables)) is not None:
+        read[PRESSURE] = pressure
     clock = log_files.clock_of(str(folder), accelerations[0][0])
     streams, damaged = log_files.on_one_clock(read, clock)
     accel = log_files.with_gravity(
@@ -209,9 +217,14 @@ def _read_folder(folder: Path, name: str) -> log_files.Imported:
         imu=imu,
         orientation=_orientation(streams.get(ATTITUDE), imu),
         magnetometer=Magnetometer(*streams[FIELD]) if FIELD in streams else None,
+        barometer=_barometer(streams.get(PRESSURE)),
         notes=clock.notes,
     )
     return log_files.Imported(recording, damaged_lines=damaged)
+
+
+def _barometer(pressure: log_files.Stream | None) -> Barometer | None:
+    return pressure and sensor_files.barometer_from(pressure[0], pressure[1][:, 0])
 
 
 def _read_table(file: Path) -> SensorTable:
@@ -290,6 +303,16 @@ def _named(tables: Sequence[SensorTable], names: Sequence[str]) -> F64 | None:
     for table in tables:
         if set(names) <= set(table.names):
             return _columns(table, [table.names.index(name) for name in names])
+    return None
+
+
+def _pressure(tables: Sequence[SensorTable]) -> log_files.Stream | None:
+    """Times and pressure of the first table that has both, in the app's unit."""
+    for table in tables:
+        times = [k for k, name in enumerate(table.names) if TIME.match(name)]
+        measured = [k for k, name in enumerate(table.names) if HECTOPASCAL.search(name)]
+        if times and measured and len(values := _columns(table, [times[0], measured[0]])):
+            return values[:, 0], values[:, 1:]
     return None
 
 

@@ -1,14 +1,15 @@
 """Positions as text: trajectories as TUM files, fixes as CSV.
 
 TUM: rows `t x y z qx qy qz qw`, no header (Sturm et al. 2012, "A benchmark for the evaluation of
-RGB-D SLAM systems"). Fixes: `t_s,x_m,y_m,heading_rad,sigma_m,status`, cells empty without one.
+RGB-D SLAM systems"). Fixes: `t_s,x_m,y_m,heading_rad,sigma_m,status`, cells empty without one; in
+a building `level` at the end.
 """
 
 from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,14 @@ from elfslam.base.arrays import F64
 from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.errors import InputError
 from elfslam.base.values import Fixes, FixStatus
-from elfslam.data.tables import check_size, check_times, parse_rows, read_lines, read_named_rows
+from elfslam.data.tables import (
+    check_size,
+    check_times,
+    number_or_nan,
+    parse_rows,
+    read_lines,
+    read_named_rows,
+)
 
 
 def write_tum(file: Path, t_s: F64, world_from_body: F64) -> None:
@@ -45,6 +53,7 @@ def read_tum(file: Path) -> tuple[F64, F64]:
 
 NUMBERS = ("t_s", "x_m", "y_m", "heading_rad", "sigma_m")
 HEADER = (*NUMBERS, "status")
+LEVEL = "level"
 LARGEST = 1e12
 """Beyond any time in seconds and any place in metres."""
 
@@ -55,10 +64,18 @@ def write_fixes(fixes: Fixes, file: Path) -> None:
     table = [fixes.xy_m, fixes.heading_rad, np.sqrt(variance_m2)]
     with file.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(HEADER)
-        for t_s, row, status in zip(fixes.t_s, np.column_stack(table), fixes.status, strict=True):
+        writer.writerow(HEADER if fixes.level is None else (*HEADER, LEVEL))
+        rows = zip(fixes.t_s, np.column_stack(table), fixes.status, _levels(fixes), strict=True)
+        for t_s, row, status, level in rows:
             cells = [f"{number:.6f}" if np.isfinite(number) else "" for number in row]
-            writer.writerow([f"{t_s:.6f}", *cells, FixStatus(status).name])
+            writer.writerow([f"{t_s:.6f}", *cells, FixStatus(status).name, *level])
+
+
+def _levels(fixes: Fixes) -> list[list[str]]:
+    """The last cells of each row: none where the map is of one floor."""
+    if fixes.level is None:
+        return [[]] * len(fixes.t_s)
+    return [[f"{level:g}" if np.isfinite(level) else ""] for level in fixes.level]
 
 
 def read_fixes(file: Path) -> Fixes:
@@ -77,7 +94,20 @@ def read_fixes(file: Path) -> Fixes:
         covariance_m2=numbers[:, 4, None, None] ** 2 * np.eye(2),
         score=np.full(len(read), np.nan),
         status=np.array([row[1] for row in read], dtype=np.int64),
+        level=_read_levels(file, rows),
     )
+
+
+def _read_levels(file: Path, rows: Sequence[Mapping[str, str]]) -> F64 | None:
+    if not rows or LEVEL not in rows[0]:
+        return None
+    levels = np.array([number_or_nan(row[LEVEL] or "nan") for row in rows])
+    said = np.array([bool(row[LEVEL].strip()) for row in rows])
+    bad = np.flatnonzero(said & ~(np.abs(levels) < LARGEST))
+    if len(bad):
+        got = rows[bad[0]][LEVEL]
+        raise InputError(f"{file}: row {bad[0] + 2} has level {got!r:.30}, wanted a number or none")
+    return levels
 
 
 def _read_row(file: Path, number: int, row: Mapping[str, str]) -> tuple[list[float], int]:

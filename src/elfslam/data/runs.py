@@ -13,10 +13,13 @@ import numpy.typing as npt
 
 from elfslam.base import values
 from elfslam.base.arrays import F32
+from elfslam.base.building import FloorsVisited
 from elfslam.base.enums import Modality
 from elfslam.base.errors import InputError, StoreError
 from elfslam.data import map_files
 from elfslam.data.atomic_files import new_folder, sha256_of
+from elfslam.data.building_files import is_building, read_building
+from elfslam.data.level_files import LEVELS, read_levels, write_levels
 from elfslam.data.named_places import read_checkpoints, read_points, write_checkpoints, write_points
 from elfslam.data.npz import read_npz, write_npz
 from elfslam.data.position_files import read_tum, write_tum
@@ -68,6 +71,8 @@ def fill_run(
     write_tum(folder / "trajectory.tum", run.trajectory.t_s, run.trajectory.world_from_body)
     _write_closures(run, folder / "closures.csv")
     _write_evidence(run, folder)
+    if run.visited is not None:
+        write_levels(run.visited.levels, folder / LEVELS)
     if run.floor_map is not None:
         map_files.write_map(run.floor_map, folder / map_files.MAP)
     if run.points_of_interest:
@@ -129,7 +134,15 @@ def _read_run(folder: Path) -> values.Run:
         seconds={name: float(seconds) for name, seconds in timings.items()},
         points_of_interest=read_points(folder),
         checkpoints=read_checkpoints(folder),
+        visited=_read_visited(folder),
     )
+
+
+def _read_visited(folder: Path) -> FloorsVisited | None:
+    """The floors of a run in the folder of its building."""
+    if not (is_building(folder) and (folder / LEVELS).is_file()):
+        return None
+    return FloorsVisited(read_levels(folder / LEVELS), read_building(folder).floors)
 
 
 def _write_json(file: Path, content: Mapping[str, object]) -> None:

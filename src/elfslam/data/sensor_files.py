@@ -238,6 +238,22 @@ def read_barometer(file: Path) -> Barometer | None:
     return Barometer(t_s, pressure_hpa)
 
 
+KILOPASCAL_BELOW = 150.0
+"""No air has so few hectopascal: then kilopascal are meant."""
+
+
+def barometer_from(t_s: F64, pressure: F64) -> Barometer | None:
+    """The pressure (n) that a program wrote, in hPa or kPa, without what no air can have.
+
+    Sensors that wake up read nothing at first. None where fewer than two readings are left.
+    """
+    unit_hpa = 10.0 if len(pressure) and np.median(pressure) < KILOPASCAL_BELOW else 1.0
+    pressure_hpa = unit_hpa * pressure
+    low, high = PRESSURES_HPA
+    believed = (pressure_hpa >= low) & (pressure_hpa <= high)
+    return Barometer(t_s[believed], pressure_hpa[believed]) if believed.sum() > 1 else None
+
+
 def read_orientation(file: Path) -> Orientation | None:
     """The attitude; None without the file. Raises InputError naming file and row."""
     table = _read_optional(file, QUATERNION)

@@ -2,10 +2,11 @@
 
 Conventions, from the app's own pages on units, coordinates and platforms: `seconds_elapsed`
 counts from the start and may begin below zero, `time` are nanoseconds since 1970, accelerations
-are in m/s2 (in g where uncalibrated on iOS), turn rates in rad/s, the field in microtesla. On iOS
-acceleration and gravity have the opposite sign unless "Standardise Units & Frames" was on, which
-Metadata.csv says in `standardisation`. Only Android writes an acceleration with gravity. Taps on
-the annotation button stand in Annotation.csv with the text that was given to them.
+are in m/s2 (in g where uncalibrated on iOS), turn rates in rad/s, the field in microtesla, the
+pressure in hPa. On iOS acceleration and gravity have the opposite sign unless "Standardise Units &
+Frames" was on, which Metadata.csv says in `standardisation`. Only Android writes an acceleration
+with gravity. Taps on the annotation button stand in Annotation.csv with the text that was given to
+them.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.errors import InputError
 from elfslam.base.values import (
     Audio,
+    Barometer,
     Checkpoints,
     Imu,
     Magnetometer,
@@ -41,12 +43,14 @@ LOWEST_RATE_HZ = 44_100
 """The app's lossy sound has less than this, and nothing in the chirp band."""
 ENDINGS = (".csv", ".wav", ".flac")
 SOUND_FILES = ("microphone.wav", "microphone.flac")
+BAROMETER = "barometer"
 ACCELERATIONS = ("totalacceleration", "accelerometer", "gravity", "accelerometeruncalibrated")
 SENSORS = {
     **dict.fromkeys(ACCELERATIONS, (sensor_files.AXES, sensor_files.LARGEST_ACCEL_MPS2, "m/s2")),
     "gyroscope": (sensor_files.AXES, sensor_files.LARGEST_TURN_RADPS, "rad/s"),
     "magnetometer": (sensor_files.AXES, sensor_files.LARGEST_FIELD_UT, "microtesla"),
     "orientation": (sensor_files.QUATERNION, 1.01, ""),
+    BAROMETER: (("pressure",), 1e5, "hectopascal"),
 }
 """The columns of a sensor, and what it can read at most, with its unit."""
 PLACE = re.compile(r"\s*([-+]?\d+(?:\.\d+)?)\s*[,;]\s*([-+]?\d+(?:\.\d+)?)\s*")
@@ -90,6 +94,8 @@ def _read_folder(folder: Path, name: str) -> log_files.Imported:
     tables = {
         sensor: read_csv(files[f"{sensor}.csv"]) for sensor in SENSORS if f"{sensor}.csv" in files
     }
+    if BAROMETER in tables and "pressure" not in tables[BAROMETER].names:
+        del tables[BAROMETER]  # older apps on iOS wrote the altitude alone
     accelerations = [sensor for sensor in ACCELERATIONS if sensor in tables]
     if set(accelerations) <= {"gravity"} or "gyroscope" not in tables:
         wanted = "TotalAcceleration.csv (or Accelerometer.csv and Gravity.csv) and Gyroscope.csv"
@@ -108,6 +114,7 @@ def _read_folder(folder: Path, name: str) -> log_files.Imported:
         imu=imu,
         orientation=_orientation(streams, imu),
         magnetometer=Magnetometer(*streams["magnetometer"]) if "magnetometer" in streams else None,
+        barometer=_barometer(streams),
         wifi=_wifi(files, times, clock),
         checkpoints=checkpoints,
         notes=(*clock.notes, *said, *(audio.notes if audio else ())),
@@ -161,6 +168,13 @@ def _orientation(streams: Mapping[str, log_files.Stream], imu: Imu) -> Orientati
         return None
     t_s, quaternion = streams["orientation"]
     return log_files.attitude_that_agrees(t_s, [quaternion], imu)
+
+
+def _barometer(streams: Mapping[str, log_files.Stream]) -> Barometer | None:
+    if BAROMETER not in streams:
+        return None
+    t_s, pressure = streams[BAROMETER]
+    return sensor_files.barometer_from(t_s, pressure[:, 0])
 
 
 def _wifi(files: Mapping[str, Path], times: Times, clock: log_files.Clock) -> WifiScans | None:

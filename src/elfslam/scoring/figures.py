@@ -141,6 +141,21 @@ def walk_traces(
     return [path, ends]
 
 
+def level_traces(xy_m: F64, level: F64) -> list[go.Scatter]:
+    """A walk over several floors (n), in a colour for each level and grey between them."""
+    between_floors = np.isnan(level)
+    colors = {f"level {each:g}": level == each for each in np.unique(level[~between_floors])}
+    parts = {"between floors": between_floors, **colors}
+    shown = zip(parts.items(), [TRUTH, *WALKS[:-1] * len(parts)], strict=False)
+    return [
+        _scatter(
+            np.where(there[:, None], xy_m, np.nan),
+            name=name, mode="lines", line={"color": color, "width": 2}, legendgroup=name,
+        )
+        for (name, there), color in shown
+    ]  # fmt: skip
+
+
 def ellipse_trace(xy_m: F64, covariance_m2: F64, color: str) -> go.Scatter:
     """1-sigma ellipses (39 % in the plane), every few steps, as one light line.
 

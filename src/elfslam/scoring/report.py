@@ -35,7 +35,7 @@ from elfslam.scoring.page import Page, Panel, facts_table, rows_table, save_page
 def walk_plot(
     run: Run, truth: Truth | None = None, floor_plan: FloorPlan | None = None
 ) -> go.Figure:
-    """A run from above: dead reckoning, trajectory, closures, uncertainty.
+    """A run from above: dead reckoning, trajectory (a colour a floor), closures, uncertainty.
 
     With a truth both walks are aligned onto it, and closures coloured by whether they are right.
     """
@@ -55,7 +55,11 @@ def walk_plot(
     traces += figures.walk_traces(dead_reckoned, name, color, width=1.5, opacity=0.7)
     covariance = _turned(run.trajectory.covariance[:, :2, :2], where)
     traces.append(figures.ellipse_trace(poses[:, :2], covariance, figures.SLAM))
-    traces += figures.walk_traces(poses[:, :2], "SLAM", figures.SLAM)
+    if run.visited is None:
+        traces += figures.walk_traces(poses[:, :2], "SLAM", figures.SLAM)
+    else:
+        level = run.visited.levels.at(run.trajectory.t_s)
+        traces += figures.level_traces(poses[:, :2], level)
     if truth is None:
         weights = run.trajectory.closure_weights
         traces += figures.closure_traces(poses[:, :2], run.closures, weights)

@@ -24,6 +24,10 @@ def crop(recording: Recording, from_s: float, until_s: float) -> Recording:
     imu, odometry = recording.imu, recording.odometry
     imu = imu and imu.chosen((imu.t_s >= from_s) & (imu.t_s <= until_s))
     odometry = odometry and odometry.chosen((odometry.t_s >= from_s) & (odometry.t_s <= until_s))
+    barometer = recording.barometer
+    barometer = barometer and barometer.chosen(
+        (barometer.t_s >= from_s) & (barometer.t_s <= until_s)
+    )
     t_s = motion_times_s(recording)
     if not any(each is not None and len(each.t_s) for each in (imu, odometry)):
         ran = "none" if t_s is None else f"that from {t_s[0]:.1f} to {t_s[-1]:.1f} s"
@@ -38,6 +42,7 @@ def crop(recording: Recording, from_s: float, until_s: float) -> Recording:
         and _silenced(recording.audio, from_s, until_s, duration_s(recording)),
         imu=imu,
         odometry=odometry,
+        barometer=barometer if barometer is not None and len(barometer.t_s) else None,
         crop_s=(from_s, until_s),
         motion_t_s=t_s,
     )

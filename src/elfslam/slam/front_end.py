@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from elfslam.base.arrays import Bool
+from elfslam.base.arrays import F64, Bool
+from elfslam.base.building import FloorsVisited
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import between, compose
 from elfslam.base.values import ECHO_RATE_HZ, Echoes, Odometry, Recording
@@ -15,6 +16,7 @@ from elfslam.slam.parameters import Parameters
 from elfslam.stages.acoustic_odometry import measure_scale, rescaled, with_prior
 from elfslam.stages.chirp import make_chirp
 from elfslam.stages.echo import Frames, echoes_of, find_frames, frame_facts
+from elfslam.stages.levels import find_levels, levels_by_taps, numbered_by_taps
 from elfslam.stages.medium_access import spoiled_frames
 from elfslam.stages.motion import Compass, compass_heading, dead_reckon, nodes_by_distance
 from elfslam.stages.spoofing import Suspicion, nothing_suspect, suspicion
@@ -45,6 +47,31 @@ def dead_reckoned(recording: Recording, parameters: Parameters) -> tuple[Odometr
 def dead_reckoning_nodes(recording: Recording, parameters: Parameters) -> Odometry:
     """The nodes of a walk as dead reckoning has them."""
     return dead_reckoned(recording, parameters)[0]
+
+
+FEWEST_ON_FLOOR = 8
+"""A floor on which somebody took fewer footsteps was passed, not walked."""
+
+
+def floors_visited(
+    recording: Recording, nodes: Odometry, parameters: Parameters
+) -> FloorsVisited | None:
+    """The floors of a walk, by its barometer or as it named them; None where it stayed on one."""
+    known = parameters.levels
+    if recording.barometer is not None:
+        found = find_levels(recording.barometer, nodes.t_s, known)
+        named: FloorsVisited | None = numbered_by_taps(found, recording.checkpoints)
+    else:
+        named = levels_by_taps(recording.checkpoints, float(nodes.t_s[0]), known)
+    several = named is not None and len(floors_walked(named, nodes.t_s)) > 1
+    return named if several else None
+
+
+def floors_walked(visited: FloorsVisited, footsteps_t_s: F64) -> list[int]:
+    """The levels on which somebody took so many footsteps that there is something to map."""
+    level = visited.levels.at(footsteps_t_s)
+    steps = {each.level: int((level == each.level).sum()) for each in visited.floors}
+    return [floor for floor, count in steps.items() if count >= FEWEST_ON_FLOOR]
 
 
 def compass_of(recording: Recording, parameters: Parameters) -> Compass | None:

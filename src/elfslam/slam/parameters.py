@@ -11,6 +11,7 @@ from elfslam.stages.closure import ClosureParameters
 from elfslam.stages.echo import EchoParameters
 from elfslam.stages.floormap import FloorMapParameters
 from elfslam.stages.graph import GraphParameters
+from elfslam.stages.levels import LevelParameters
 from elfslam.stages.locate import LocateParameters
 from elfslam.stages.medium_access import MediumAccessParameters
 from elfslam.stages.motion import MotionParameters
@@ -29,6 +30,7 @@ class Parameters:
     acoustic_odometry: AcousticOdometryParameters = field(
         default_factory=AcousticOdometryParameters
     )
+    levels: LevelParameters = field(default_factory=LevelParameters)
     closure: ClosureParameters = field(default_factory=ClosureParameters)
     checkpoint: CheckpointParameters = field(default_factory=CheckpointParameters)
     graph: GraphParameters = field(default_factory=GraphParameters)

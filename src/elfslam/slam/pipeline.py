@@ -10,7 +10,8 @@ from functools import partial
 
 import numpy as np
 
-from elfslam.base.arrays import F32, Bool
+from elfslam.base.arrays import F32, F64, Bool
+from elfslam.base.building import FloorsVisited
 from elfslam.base.enums import Mode
 from elfslam.base.parameters import digest
 from elfslam.base.values import (
@@ -36,6 +37,7 @@ from elfslam.slam.front_end import (
     dead_reckoning_nodes,
     extract_echoes,
     extract_query_echoes,
+    floors_visited,
 )
 from elfslam.slam.parameters import Parameters
 from elfslam.stages.checkpoints import OnPlan, closures_at, lies_on_plan, on_plan, places_visited
@@ -51,6 +53,7 @@ from elfslam.stages.device_adaptation import to_map_domain
 from elfslam.stages.feature import Encoder, extract_features
 from elfslam.stages.floormap import trajectory_map
 from elfslam.stages.graph import agreeing, build_graph, expected, optimise
+from elfslam.stages.levels import reckoned_on_passages, without_level_taps
 from elfslam.stages.locate import (
     LocateParameters,
     elf_payload,
@@ -99,26 +102,46 @@ def map_by_echoes(
     stage = partial(_stage, seconds, announce)
     with stage("motion"):
         nodes, compass = dead_reckoned(recording, parameters)
+        visited = floors_visited(recording, nodes, parameters)
     with stage("echoes"):
         echoes = extract_echoes(recording, parameters)
     with stage("step length"):
         nodes = apply_acoustic_scale(nodes, echoes, parameters)
+        nodes = _through_passages(recording, nodes, visited, parameters)
     with stage("features"):
         used = adapt(encoder, echoes)
         features = extract_features(echoes, used)
     with stage("similarity"):
         similarity = echo_sequence_similarity(features, nodes)
         similarities = [(similarity, parameters.closure), *_sensed(recording, nodes, beside)]
-    run = _close_loops(recording, nodes, compass, similarities, parameters, stage)
+    run = _close_loops(recording, nodes, compass, visited, similarities, parameters, stage)
     with stage("map"):
-        floor_map = trajectory_map(
-            run.trajectory,
-            features,
-            parameters.floormap,
-            parameters_digest=digest(parameters),
-            source=recording.name,
-        )
-    return replace(run, floor_map=floor_map, echoes=echoes, features=features, seconds=seconds)
+        run = replace(run, echoes=echoes, features=features)
+        if visited is None:
+            run = replace(run, floor_map=map_of(run, parameters))
+    return replace(run, seconds=seconds)
+
+
+def map_of(run: Run, parameters: Parameters) -> FloorMap | None:
+    """The map of a walk on one floor; None without sound."""
+    if run.features is None:
+        return None
+    return trajectory_map(
+        run.trajectory,
+        run.features,
+        parameters.floormap,
+        parameters_digest=digest(parameters),
+        source=run.name,
+    )
+
+
+def _through_passages(
+    recording: Recording, nodes: Odometry, visited: FloorsVisited | None, parameters: Parameters
+) -> Odometry:
+    """Dead reckoning by footsteps knows stairs and lifts; a device's own odometry sees them."""
+    if visited is None or recording.imu is None:
+        return nodes
+    return reckoned_on_passages(nodes, visited, parameters.levels)
 
 
 def map_by(
@@ -136,9 +159,11 @@ def map_by(
     stage = partial(_stage, seconds, announce)
     with stage("motion"):
         nodes, compass = dead_reckoned(recording, parameters)
+        visited = floors_visited(recording, nodes, parameters)
+        nodes = _through_passages(recording, nodes, visited, parameters)
     with stage("similarity"):
         similarities = _sensed(recording, nodes, senses)
-    run = _close_loops(recording, nodes, compass, similarities, parameters, stage)
+    run = _close_loops(recording, nodes, compass, visited, similarities, parameters, stage)
     return replace(run, seconds=seconds)
 
 
@@ -152,15 +177,21 @@ def _close_loops(
     recording: Recording,
     nodes: Odometry,
     compass: Compass | None,
+    visited: FloorsVisited | None,
     similarities: Sequence[tuple[AnySimilarity, ClosureParameters]],
     parameters: Parameters,
     stage: Stage,
 ) -> Run:
     """What is similar, or was marked by hand, closes loops, and the loops correct the walk."""
-    named = recording.checkpoints
+    named, level = recording.checkpoints, None
+    if visited is not None:
+        named, level = without_level_taps(named), visited.levels.at(nodes.t_s)
     with stage("closures"):
-        measured = closures_by(nodes, similarities, parameters)
-        closures = joined([measured, closures_at(named, nodes, parameters.checkpoint)])
+        measured = closures_by(nodes, similarities, parameters, level)
+        marked = closures_at(named, nodes, parameters.checkpoint)
+        if level is not None:
+            marked = marked.chosen(level[marked.i] == level[marked.j])
+        closures = joined([measured, marked])
     with stage("graph"):
         by_hand = np.arange(len(closures.i)) >= len(measured.i)
         nodes, trajectory = optimise_walk(nodes, closures, by_hand, named, parameters)
@@ -176,6 +207,7 @@ def _close_loops(
         points_of_interest=places_visited(named, trajectory, parameters.checkpoint),
         checkpoints=named,
         compass_sigma_rad=None if compass is None else compass.sigma_rad,
+        visited=visited,
     )
 
 
@@ -183,19 +215,20 @@ def closures_by(
     nodes: Odometry,
     similarities: Sequence[tuple[AnySimilarity, ClosureParameters]],
     parameters: Parameters,
+    level: F64 | None = None,
 ) -> Closures:
-    """The closures of one modality after the other.
+    """The closures of one modality after the other, between footsteps on one `level` (n).
 
     What a later one says must fit the walk as the earlier ones correct it. The walk so corrected
     then leads to closures that by themselves would be too little alike.
     """
     closures = NO_CLOSURES
     for similarity, known in similarities:
-        found = find_closures(similarity, nodes, known)
+        found = find_closures(similarity, nodes, known, level)
         found = found.chosen(agreeing(build_graph(nodes, closures), found, parameters.graph))
         first = joined([closures, sharing_errors(found, known.shared_footsteps)])
         prior = partial(expected, build_graph(nodes, first), parameters=parameters.graph)
-        further = guided_closures(similarity, nodes, found, prior, known)
+        further = guided_closures(similarity, nodes, found, prior, known, level)
         weighed = sharing_errors(joined([found, further]), known.shared_footsteps)
         closures = joined([closures, weighed])
     return closures

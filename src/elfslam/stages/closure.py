@@ -210,14 +210,18 @@ class ClosureCandidates(Value):
 
 
 def find_closures(
-    similarity: AnySimilarity, nodes: Odometry, parameters: ClosureParameters
+    similarity: AnySimilarity,
+    nodes: Odometry,
+    parameters: ClosureParameters,
+    level: F64 | None = None,
 ) -> Closures:
     """Pairs of footsteps at the same place, with the relative pose that each implies.
 
-    Half a turn of heading where the stretch was walked the other way.
+    Half a turn of heading where the stretch was walked the other way. None between footsteps of
+    which the `level` (n) differs, or is NaN.
     """
     drift = Drift(nodes)
-    found = _possible(similarity, drift, parameters)
+    found = _possible(similarity, drift, parameters, level)
     found = found.chosen(passes_ratio_test(found, drift, parameters))
     found = found.chosen(has_full_window(found, similarity.count, parameters))
     return _as_closures(found, nodes, parameters)
@@ -229,6 +233,7 @@ def guided_closures(
     known: Closures,
     prior: Prior,
     parameters: ClosureParameters,
+    level: F64 | None = None,
 ) -> Closures:
     """Guided matching: pairs beside the `known` ones, at a threshold that the `prior` earns.
 
@@ -240,7 +245,7 @@ def guided_closures(
         return NO_CLOSURES
     drift = Drift(nodes)
     lowered = parameters.threshold - parameters.most_earned / parameters.score_evidence
-    found = _possible(similarity, drift, replace(parameters, threshold=lowered))
+    found = _possible(similarity, drift, replace(parameters, threshold=lowered), level)
     found = found.chosen(has_full_window(found, similarity.count, parameters))
     log_odds, gain = prior(_as_closures(found, nodes, parameters))
     earned = np.minimum(log_odds, parameters.most_earned) / parameters.score_evidence
@@ -251,10 +256,15 @@ def guided_closures(
 
 
 def _possible(
-    similarity: AnySimilarity, drift: Drift, parameters: ClosureParameters
+    similarity: AnySimilarity,
+    drift: Drift,
+    parameters: ClosureParameters,
+    level: F64 | None,
 ) -> ClosureCandidates:
-    """The candidates that dead reckoning allows."""
+    """The candidates on one level that dead reckoning allows."""
     found = candidates(similarity, parameters)
+    if level is not None:
+        found = found.chosen(level[found.i] == level[found.j])
     return found.chosen(within_gate(found, drift, parameters))
 
 

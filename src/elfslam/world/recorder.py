@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy import fft
@@ -63,6 +64,14 @@ def stage_of(world: World, circumstances: Circumstances, rate_hz: int, threads: 
     )  # fmt: skip
 
 
+class WorldVisit(NamedTuple):
+    """From when on a walk is in which world, and what else is so there."""
+
+    from_s: float
+    world: World
+    circumstances: Circumstances
+
+
 def record_walk(
     world: World,
     circumstances: Circumstances,
@@ -77,34 +86,56 @@ def record_walk(
 
     Besides when it played each chirp (n, s), and how loud against the loudest (n, dB).
     """
-    stage = stage_of(world, circumstances, rate_hz, os.cpu_count() or 1)
+    visits = [WorldVisit(0.0, world, circumstances)]
+    return record_visits(visits, walker, motion, rate_hz, seed, generator, progress)
+
+
+def record_visits(
+    visits: Sequence[WorldVisit],
+    walker: Walker,
+    motion: Motion,
+    rate_hz: int,
+    seed: int,
+    generator: np.random.Generator,
+    progress: Callable[[float], None],
+) -> tuple[Audio, F64, F64]:
+    """What the phone records on its way from world to world, as `record_walk`.
+
+    Phone, jitter and sounds are those of the first visit. Heights are above the floor of each.
+    """
+    circumstances = visits[0].circumstances
     latency = round(generator.uniform(*LATENCY_S) * rate_hz)
     total, frame = int(motion.t_s[-1] * rate_hz), round(phone.FRAME_S * rate_hz)
     starts = _within_periods(np.arange(latency, total - frame, frame), circumstances, rate_hz, seed)
     stream = np.zeros(total, dtype=np.float32)
-    poses = phone_poses(walker, motion, world, circumstances.people, seed, starts / rate_hz)
-    if circumstances.engine == "pyroomacoustics":
-        poses = replace(poses, velocity_mps=np.zeros_like(poses.velocity_mps))
-    jitter_s = stage.device.jitter_s * np.random.default_rng([seed, 6]).standard_normal(len(starts))
+    device = device_of(circumstances)
+    jitter_s = device.jitter_s * np.random.default_rng([seed, 6]).standard_normal(len(starts))
     covered_db = covered_at(motion, starts / rate_hz)
     gain_db = loudness_of_chirps(circumstances.softer_db, len(starts), seed)
-    for first in range(0, len(starts), BLOCK):
-        rows = slice(first, first + BLOCK)
-        block = _rows(poses, rows)
-        heard = phone.room_responses(
-            stage.scene, stage.device, block, stage.air, stage.reach, stage.engine
-        )
-        heard = port_occlusion(heard, covered_db[rows])
-        sound = phone.render_frames(heard, stage.chirp, stage.device, jitter_s[rows])
-        _lay_down(stream, starts[rows], louder(sound, gain_db[rows]))
-        progress(min((first + BLOCK) / len(starts), 1.0))
-    for k in range(circumstances.other_phones):
-        _add_other_phone(stream, stage, world, poses, starts, np.random.default_rng([seed, 5, k]))
+    edges = np.searchsorted(starts / rate_hz, [visit.from_s for visit in visits[1:]])
+    for visit, rows in zip(visits, np.split(np.arange(len(starts)), edges), strict=True):
+        stage = stage_of(visit.world, visit.circumstances, rate_hz, os.cpu_count() or 1)
+        people, t_s = visit.circumstances.people, starts[rows] / rate_hz
+        poses = phone_poses(walker, motion, visit.world, people, seed, t_s)
+        if visit.circumstances.engine == "pyroomacoustics":
+            poses = replace(poses, velocity_mps=np.zeros_like(poses.velocity_mps))
+        for first in range(0, len(rows), BLOCK):
+            part = slice(first, first + BLOCK)
+            block = rows[part]
+            heard = phone.room_responses(
+                stage.scene, stage.device, _rows(poses, part), stage.air, stage.reach, stage.engine
+            )
+            heard = port_occlusion(heard, covered_db[block])
+            sound = phone.render_frames(heard, stage.chirp, stage.device, jitter_s[block])
+            _lay_down(stream, starts[block], louder(sound, gain_db[block]))
+            progress((block[-1] + 1) / len(starts))
+        for k in range(visit.circumstances.other_phones):
+            other = np.random.default_rng([seed, 5, k])
+            _add_other_phone(stream, stage, visit.world, poses, starts[rows], other)
     stream += rumble(total, rate_hz, generator)
     for k, (name, sound_of) in enumerate(SOUNDS.items()):
         if name in circumstances.sounds:
             stream += sound_of(total, rate_hz, np.random.default_rng([seed, 7, k]))
-    device = stage.device
     recorded = record(stream, device, generator)
     loud = controlled(recorded, device.gain_control, rate_hz, device.clip_level)
     return Audio(loud[None, :], rate_hz), np.asarray((starts - latency) / rate_hz), gain_db

@@ -12,8 +12,9 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
-from elfslam.base.values import Emr, Magnetometer, WifiScans
+from elfslam.base.values import Barometer, Emr, Magnetometer, WifiScans
 from elfslam.world import magnetic
+from elfslam.world.barometer import read_barometer
 from elfslam.world.room import Room
 from elfslam.world.toml_tables import LARGEST_M
 from elfslam.world.walker import Motion
@@ -31,6 +32,7 @@ class Sensor(StrEnum):
     WIFI = "wifi"
     MAGNETIC = "magnetic"
     EMR = "emr"
+    BAROMETER = "barometer"
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +52,7 @@ class Readings(TypedDict, total=False):
     wifi: WifiScans | None
     magnetometer: Magnetometer
     emr: Emr
+    barometer: Barometer
 
 
 def parse_sensors(text: str) -> frozenset[Sensor]:
@@ -108,6 +111,8 @@ def sense(
         readings["emr"] = magnetic.listen_to_mains(
             motion, around.power_lines, around.seed, generator, magnetic.MainsParameters()
         )
+    if Sensor.BAROMETER in sensors:
+        readings["barometer"] = read_barometer(motion, np.random.default_rng([seed, 51]))
     return readings
 
 

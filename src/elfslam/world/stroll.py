@@ -137,6 +137,7 @@ def stroll_on(person: Walker, way: Way, rounds: int, generator: np.random.Genera
         pitch_rad=_grips(regrips, count, np.deg2rad(6.0), generator),
         lower_m=_grips(_regrips(person, count, generator), count, 0.05, generator),
         covered_db=_covered(person, regrips, count, generator),
+        ground_m=np.zeros(count),
     )
     planned, at = np.arange(count), _moments(longer)
     rows = (getattr(straying, each.name) for each in fields(straying))
@@ -181,12 +182,12 @@ def _velocity(person: Walker, way_m: float, generator: np.random.Generator) -> t
         until_m = way_m - gone_m
         if stops + backs > 0:
             until_m = min(until_m, person.speed_mps * generator.exponential(60 / (stops + backs)))
-        parts.append(_leg(person, max(until_m, 0.5), generator))
+        parts.append(leg(person, max(until_m, 0.5), generator))
         turns.append(0.0)
         gone_m += max(until_m, 0.5)
         if gone_m < way_m - 3.0 and generator.uniform() < backs / max(stops + backs, 1e-9):
             back_m = min(generator.uniform(*WAY_BACK_M), gone_m)
-            parts += [_standing(TURN_S), -_leg(person, back_m, generator), _standing(TURN_S)]
+            parts += [_standing(TURN_S), -leg(person, back_m, generator), _standing(TURN_S)]
             turns += [np.pi, np.pi, 0.0]
             gone_m -= back_m
         else:
@@ -197,7 +198,8 @@ def _velocity(person: Walker, way_m: float, generator: np.random.Generator) -> t
     return velocity, gaussian_filter1d(turned, TURN_S / 4 * KINEMATICS_RATE_HZ, mode="nearest")
 
 
-def _leg(person: Walker, length_m: float, generator: np.random.Generator) -> F64:
+def leg(person: Walker, length_m: float, generator: np.random.Generator) -> F64:
+    """Speed (n) of somebody who sets out and goes so far."""
     most = int(length_m / (0.4 * person.speed_mps) * KINEMATICS_RATE_HZ) + 800
     speed = person.speed_mps * (1 + 0.1 * smooth_noise(generator, most, 4.0))
     speed = np.maximum(speed, 0.5 * person.speed_mps)

@@ -65,7 +65,7 @@ class Straying(Value):
     `pace_mps` is how fast they mean to go, which sets the steps; `left_m` is the lane, to the left
     of the route; `turned_rad` is what the lane slants, and pi on the way back; `aside_rad`,
     `pitch_rad` and `lower_m` are how the phone is held, and `covered_db` what the hand takes of the
-    sound at its loudspeaker.
+    sound at its loudspeaker. `ground_m` is how high they stand: on stairs, or in a lift.
     """
 
     pace_mps: F64 = array("n")
@@ -75,6 +75,7 @@ class Straying(Value):
     pitch_rad: F64 = array("n")
     lower_m: F64 = array("n")
     covered_db: F64 = array("n")
+    ground_m: F64 = array("n")
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +127,7 @@ def walk(
     moving = speed[:count] * (np.arange(count) < end)
     moving = gaussian_filter1d(moving, 0.15 / dt_s)
     none = np.zeros(count)
-    straying = Straying(moving, none, none, none, none, none, none)
+    straying = Straying(moving, none, none, none, none, none, none, none)
     return motion_along(walker, lap_xy, lap_m, moving, straying, generator)
 
 
@@ -139,10 +140,16 @@ def motion_along(
     generator: np.random.Generator,
 ) -> Motion:
     """The motion of somebody who goes along a lap (k, 2) at a velocity (n), and strays from it."""
-    count, dt_s = len(velocity), 1 / KINEMATICS_RATE_HZ
-    distance = np.cumsum(velocity) * dt_s
+    distance = np.cumsum(velocity) * (1 / KINEMATICS_RATE_HZ)
     share = distance / lap_m * len(lap_xy)
-    xy, heading = on_lap(lap_xy, share)
+    return motion_on(walker, *on_lap(lap_xy, share), straying, generator)
+
+
+def motion_on(
+    walker: Walker, xy: F64, heading: F64, straying: Straying, generator: np.random.Generator
+) -> Motion:
+    """The motion of somebody who would be at places (n, 2) and head so (n), and strays from it."""
+    count, dt_s = len(xy), 1 / KINEMATICS_RATE_HZ
     beside = np.column_stack([-np.sin(heading), np.cos(heading)]) * straying.left_m[:, None]
     heading = heading + straying.turned_rad
     xy = gaussian_filter1d(xy, 0.04 / dt_s, axis=0, mode="nearest")
@@ -161,7 +168,7 @@ def motion_along(
     if walker.impact:
         stride = stride + walker.impact * np.cos(8 * np.pi * steps + 0.4)
     z = walker.height_m + 0.02 * smooth_noise(generator, count, 8.0)
-    z = z + walker.bounce_m * gait**1.5 * stride - straying.lower_m
+    z = z + walker.bounce_m * gait**1.5 * stride - straying.lower_m + straying.ground_m
     wobble = walker.wobble_rad * smooth_noise(generator, count, 10.0)
     tremor = walker.tremor_rad * smooth_noise(generator, count, 0.3)
     yaw = (

@@ -8,7 +8,7 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from elfslam.base.values import Audio, Imu, Magnetometer, Recording, WifiScans
+from elfslam.base.values import Audio, Barometer, Imu, Magnetometer, Recording, WifiScans
 from elfslam.serve.receiving.sensors import MOST_STRETCHES, Curve, Look, curve, look_at, loudness
 from elfslam.stages.chirp import ChirpParameters, make_chirp
 
@@ -92,10 +92,13 @@ def test_field_and_access_points_and_rates() -> None:
         np.array([[-50.0, np.nan], [-60.0, -70.0]]),
         np.full((2, 2), np.nan),
     )
-    look = look_at(walk(magnetometer=Magnetometer(T_S, field), wifi=scans))
+    air = Barometer(T_S[::10], np.full(len(T_S[::10]), 1003.25))
+    look = look_at(walk(magnetometer=Magnetometer(T_S, field), barometer=air, wifi=scans))
+    assert set(known(by_name(look)["air pressure"].low)) == {1003.25}
     assert set(known(by_name(look)["magnetic field"].high)) == {50.0}
     assert list(known(by_name(look)["access points"].high)) == [1, 2]
     rates = {each.name: (each.readings, each.rate_hz) for each in look.sensors}
+    assert rates.pop("barometer") == (300, 10.0)
     assert rates == {"magnetometer": (3000, 100.0), "wifi": (2, 0.25)}
 
 

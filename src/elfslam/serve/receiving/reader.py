@@ -111,7 +111,7 @@ def facts_of(recording: Recording) -> RecordingFacts:
         rate_hz = recording.audio.rate_hz
         ends_s.append(samples / rate_hz)
         facts["audio"] = {"rate_hz": rate_hz, "channels": channels}
-    sensors = ("imu", "orientation", "odometry", "magnetometer", "wifi", "emr")
+    sensors = ("imu", "orientation", "odometry", "magnetometer", "barometer", "wifi", "emr")
     present = {name: getattr(recording, name) for name in sensors}
     ends_s += [
         float(value.t_s[-1]) for value in present.values() if value is not None and len(value.t_s)

@@ -88,7 +88,7 @@ def _heard_share(audio: Audio, played_t_s: F64 | None) -> float:
 def _sensors(recording: Recording) -> Iterator[SensorRate]:
     if (audio := recording.audio) is not None:
         yield SensorRate("audio", audio.samples.shape[1], float(audio.rate_hz))
-    for name in ("imu", "orientation", "odometry", "magnetometer", "wifi", "emr"):
+    for name in ("imu", "orientation", "odometry", "magnetometer", "barometer", "wifi", "emr"):
         value = getattr(recording, name)
         if value is not None and len(value.t_s):
             yield SensorRate(name, len(value.t_s), _rate_hz(value.t_s))
@@ -108,6 +108,8 @@ def _curves(recording: Recording) -> Iterator[Curve]:
             yield curve("yaw rate", "°/s", *turning)
     if (field := recording.magnetometer) is not None and len(field.t_s):
         yield curve("magnetic field", "µT", field.t_s, np.linalg.norm(field.field_ut, axis=1))
+    if (barometer := recording.barometer) is not None and len(barometer.t_s):
+        yield curve("air pressure", "hPa", barometer.t_s, barometer.pressure_hpa)
     if (wifi := recording.wifi) is not None and len(wifi.t_s):
         seen = np.isfinite(wifi.rssi_dbm).sum(axis=1)
         yield curve("access points", "per scan", wifi.t_s, seen.astype(np.float64))
@@ -152,7 +154,7 @@ def curve(name: str, unit: str, t_s: F64, values: F64) -> Curve:
 
 
 def _told(values: F64) -> list[float | None]:
-    return [float(f"{value:.5g}") if np.isfinite(value) else None for value in values]
+    return [float(f"{value:.6g}") if np.isfinite(value) else None for value in values]
 
 
 def parse(folder: str) -> dict[str, Any]:

@@ -29,6 +29,7 @@ FILE_NAMES = frozenset(
         "accelerometer.csv",
         "gyroscope.csv",
         "magnetometer.csv",
+        "barometer.csv",
         "orientation.csv",
         "emr.csv",
         "wifi.csv",
@@ -36,6 +37,7 @@ FILE_NAMES = frozenset(
         "odometry_sigma.csv",
         "truth.tum",
         "waypoints.csv",
+        "truth_levels.csv",
     )
 )
 WHOLE = (".zip", ".tar.xz", ".txt", ".mat")

@@ -139,6 +139,7 @@ const SENSORS = {
   orientation: t("Attitude"),
   odometry: t("Odometry"),
   magnetometer: t("Magnetic field"),
+  barometer: t("Air pressure"),
   wifi: t("Wi-Fi scans"),
   emr: t("Mains hum"),
 };
@@ -158,6 +159,7 @@ const FILES = {
   "accelerometer.csv": t("Acceleration with gravity, m/s²"),
   "gyroscope.csv": t("Turn rates, rad/s"),
   "magnetometer.csv": t("Magnetic field, µT"),
+  "barometer.csv": t("Air pressure, hPa"),
   "orientation.csv": t("Attitude as quaternions"),
   "wifi.csv": t("Access points seen, dBm"),
   "emr.csv": t("Harmonics of the mains"),
@@ -239,6 +241,7 @@ const NAMES = {
   acceleration: t("Acceleration"),
   "yaw rate": t("Turning"),
   "magnetic field": t("Magnetic field"),
+  "air pressure": t("Air pressure"),
   "access points": t("Wi-Fi access points"),
   "sound level": t("Sound level"),
 };

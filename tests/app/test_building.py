@@ -1,0 +1,170 @@
+"""A walk over two floors becomes a building on disk, in which each floor is a run folder."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+from shapely.geometry import shape
+
+from elfslam.app.export import ExportContext, export
+from elfslam.app.locate import locate_from
+from elfslam.app.map import MapJob, map_into, map_many
+from elfslam.app.settings import Settings
+from elfslam.base.enums import Format, Modality, Mode
+from elfslam.base.errors import InputError, StoreError
+from elfslam.base.values import FixStatus, LevelPassage, Levels, silent
+from elfslam.cli.app import run
+from elfslam.data.building_files import floor_folder, read_building
+from elfslam.data.geographic import Origin
+from elfslam.data.imdf import Venue
+from elfslam.data.map_files import read_facts, read_map
+from elfslam.data.plan_geojson import read_plan_shapes
+from elfslam.data.recordings import write_recording
+from elfslam.data.runs import read_run
+from elfslam.world.simulate import load_world, simulate
+from tests.data.imdf_rules import faults_of, read_imdf
+from tests.stages.pressure import with_stairs
+
+JOB = MapJob((), None, "compact", Settings(), overwrite=False)
+
+
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two rounds of the studio on one floor, two on the next."""
+    folder = tmp_path_factory.mktemp("recordings") / "walk"
+    recording, truth = simulate(load_world("studio"), seed=107, rounds=4)
+    assert recording.imu is not None
+    middle_s = float(recording.imu.t_s[-1] / 2)
+    by = (None, LevelPassage.STAIRS, None)
+    levels = Levels(np.array([0.0, middle_s, middle_s + 10]), np.array([0, np.nan, 1]), by)
+    climbed = with_stairs(recording, middle_s, 10.0)
+    write_recording(climbed, folder, truth=replace(truth, levels=levels))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def building(walk: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("maps") / "building"
+    map_into(folder, walk, JOB, silent)
+    return folder
+
+
+def test_the_whole_run_lies_at_the_top_and_each_floor_beneath(building: Path) -> None:
+    whole, told = read_run(building), read_building(building)
+    assert told.levels == (0, 1)
+    assert whole.visited is not None
+    assert whole.visited.floors == told.floors
+    assert whole.floor_map is None
+    assert "level 1" in (building / "report.html").read_text()
+    for level in told.levels:
+        folder = floor_folder(building, level)
+        part = read_run(folder)
+        assert part.floor_map is not None
+        assert read_facts(folder)["level"] == level
+        assert (folder / "encoder.onnx").is_file()
+        rows = np.isin(whole.trajectory.t_s, part.trajectory.t_s)
+        npt.assert_allclose(
+            part.trajectory.world_from_body, whole.trajectory.world_from_body[rows], atol=1e-6
+        )
+        npt.assert_array_equal(read_map(folder).xy_m, part.floor_map.xy_m)
+
+
+def test_an_older_building_gives_way_only_where_that_is_said(building: Path, walk: Path) -> None:
+    with pytest.raises(StoreError, match="already exists"):
+        map_into(building, walk, JOB, silent)
+
+
+def test_one_of_many_recordings_may_be_a_building(walk: Path, tmp_path: Path) -> None:
+    job = MapJob((), None, "spectral", Settings(), overwrite=False)
+    assert map_many(tmp_path, [walk], job, silent) == {}
+    assert read_building(tmp_path / walk.name).levels == (0, 1)
+
+
+@pytest.mark.parametrize("mode", list(Mode))
+def test_a_query_is_located_on_the_floor_that_it_is_on(
+    building: Path, walk: Path, mode: Mode
+) -> None:
+    """Both floors are one room here: echo by echo they can hardly be told apart."""
+    fixes = locate_from(walk, building, Settings(), mode=mode)
+    levels = read_run(building).visited.levels.at(fixes.t_s)
+    assert fixes.level is not None
+    assert len(fixes.t_s) > 30
+    known = np.isfinite(fixes.level)
+    npt.assert_array_equal(fixes.level[known], levels[known])
+    on_stairs = np.isnan(levels)
+    assert on_stairs.any()
+    assert np.isnan(fixes.xy_m[on_stairs]).all()
+    assert not np.isin(fixes.status[~known], [FixStatus.OK]).any()
+
+
+def test_other_senses_than_echoes_are_refused(building: Path, walk: Path) -> None:
+    with pytest.raises(InputError, match="in which echoes alone locate"):
+        locate_from(walk, building, Settings(), by=[Modality.WIFI])
+
+
+TOLD = ExportContext(
+    Origin(47.0, 8.0), Venue("Tower", "hotel", "Hauptstrasse 1", "Bern", "CH", "Ground floor", 0)
+)
+
+
+def test_its_levels_are_one_archive_of_imdf(building: Path, tmp_path: Path) -> None:
+    export(building, tmp_path / "imdf.zip", Format.IMDF, TOLD)
+    archive = read_imdf(tmp_path / "imdf.zip")
+    assert faults_of(archive) == []
+    told = [each["properties"] for each in archive["level"]["features"]]
+    names = [(each["ordinal"], each["name"]["en"]) for each in told]
+    assert names == [(0, "Ground floor"), (1, "Level 1")]
+    amenities = archive["amenity"]["features"]
+    assert [each["properties"]["category"] for each in amenities] == ["stairs", "stairs"]
+
+
+def test_geojson_states_levels_and_its_levels_are_read_again(
+    building: Path, tmp_path: Path
+) -> None:
+    file = tmp_path / "tower.geojson"
+    export(building, file, Format.GEOJSON, TOLD)
+    features = json.loads(file.read_text())["features"]
+    assert {each["properties"]["level"] for each in features} == {"0", "1", "0;1"}
+    for level in read_building(building).levels:
+        drawn = read_plan_shapes(file, TOLD.origin, str(level))
+        spots = [
+            shape(each["geometry"])
+            for each in features
+            if each["properties"]["level"] == str(level) and each["properties"]["kind"] == "spot"
+        ]
+        assert len(spots) == len(read_map(floor_folder(building, level)).xy_m)
+        assert len(drawn.lines) == 2  # the walk on that floor, and the stairs
+    (stairs,) = [each for each in features if each["properties"]["level"] == "0;1"]
+    assert shape(stairs["geometry"]).is_valid
+
+
+def test_ros_gets_a_map_a_floor_and_others_ask_for_one(building: Path, tmp_path: Path) -> None:
+    export(building, tmp_path / "map.yaml", Format.ROS, TOLD)
+    for level in (0, 1):
+        assert f"map_{level}.pgm" in (tmp_path / f"map_{level}.yaml").read_text()
+        assert (tmp_path / f"map_{level}.pgm").is_file()
+    export(building, tmp_path / "walk.tum", Format.TUM)
+    export(building, tmp_path / "walk.onnx", Format.ONNX)
+    with pytest.raises(StoreError, match="is a building, wanted one floor"):
+        export(building, tmp_path / "walk.parquet", Format.PARQUET)
+
+
+def test_scores_say_whether_floors_are_right(
+    building: Path, walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fixes = str(tmp_path / "fixes.csv")
+    assert run(["locate", str(walk), str(building), fixes]) == 0
+    capsys.readouterr()
+    for what in (str(building), fixes):
+        assert run(["score", what, str(walk), "--json"]) == 0
+        row = json.loads(capsys.readouterr().out)[-1]
+        assert row["floor_right"] > 0.95
+    assert run(["score", str(building), str(walk)]) == 0
+    said = capsys.readouterr().out
+    assert "Errors by floor" in said
+    assert "kind_right" in said

@@ -1,0 +1,124 @@
+"""A walk over two floors: no loop closes between them, and each floor is a run of its own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+
+from elfslam.base.building import Building, Passage
+from elfslam.base.values import (
+    Barometer,
+    Checkpoints,
+    LevelPassage,
+    MeanSimilarity,
+    Odometry,
+    Recording,
+    Run,
+)
+from elfslam.slam.floors import building_of, floor_runs, gathered_passages
+from elfslam.slam.parameters import Parameters
+from elfslam.slam.pipeline import Sense, map_by, map_by_echoes
+from elfslam.stages.closure import ClosureParameters
+from elfslam.stages.feature import load_encoder
+from elfslam.stages.levels import SCALE_HEIGHT_M
+from elfslam.world.simulate import simulate
+from elfslam.world.world_file import load_world
+from tests.stages.pressure import STOREY_M, with_stairs
+
+PARAMETERS = Parameters()
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    return simulate(load_world("studio"), seed=107, rounds=4)[0]
+
+
+@pytest.fixture(scope="module")
+def run(recording: Recording) -> Run:
+    assert recording.imu is not None
+    climbed = with_stairs(recording, recording.imu.t_s[-1] / 2, 10.0)
+    taps = Checkpoints(np.array([5.0, 50.0]), ("Door", "Door"))
+    return map_by_echoes(replace(climbed, checkpoints=taps), load_encoder("compact"), PARAMETERS)
+
+
+def test_loops_close_on_one_floor_and_the_whole_has_no_map(run: Run) -> None:
+    assert run.visited is not None
+    assert run.floor_map is None
+    level = run.visited.levels.at(run.trajectory.t_s)
+    assert set(level[~np.isnan(level)]) == {0, 1}
+    assert (level[run.closures.i] == level[run.closures.j]).all()
+    assert len(run.closures.i) > 5
+
+
+def test_each_floor_is_a_run_with_a_map_in_the_frame_of_the_whole(run: Run) -> None:
+    assert run.visited is not None
+    parts = floor_runs(run, PARAMETERS)
+    assert list(parts) == [0, 1]
+    levels = run.visited.levels
+    for level, part in parts.items():
+        assert part.visited is None
+        assert part.floor_map is not None
+        assert part.echoes is not None
+        rows = np.flatnonzero(levels.at(run.trajectory.t_s) == level)
+        npt.assert_array_equal(part.trajectory.t_s, run.trajectory.t_s[rows])
+        npt.assert_array_equal(
+            part.trajectory.world_from_body, run.trajectory.world_from_body[rows]
+        )
+        assert (levels.at(part.echoes.t_s) == level).all()
+        assert part.similarity.count == len(rows) - 1
+        there = part.closures
+        npt.assert_array_equal(part.odometry.t_s[there.j] - part.odometry.t_s[there.i] > 5.0, True)
+        assert [point.name for point in part.points_of_interest] == ["Door"]
+    assert sum(len(part.closures.i) for part in parts.values()) == len(run.closures.i)
+
+
+def test_the_stairs_join_the_floors_where_they_were_taken(run: Run) -> None:
+    building = building_of(run, [0, 1])
+    (stairs,) = building.passages
+    assert (stairs.kind, stairs.from_level, stairs.to_level) == (LevelPassage.STAIRS, 0, 1)
+    npt.assert_allclose(stairs.duration_s, 10.0, atol=2)
+    npt.assert_allclose(building.floors[1].height_m, STOREY_M, atol=0.3)
+    assert building_of(run, [0]) == Building(run.name, building.floors[:1])
+
+
+def test_a_floor_that_is_visited_again_has_a_move_over_the_gap_as_sure_as_those_it_is_for() -> None:
+    t_s = np.arange(101) * 0.5
+    poses = np.column_stack([0.7 * np.arange(101), np.zeros(101), np.zeros(101)])
+    nodes = Odometry(t_s, poses, np.tile([0.1, 0.2, 0.01], (100, 1)))
+    height_m = STOREY_M * np.interp(t_s, [15, 20, 30, 35], [0, 1, 1, 0])
+    barometer = Barometer(t_s, 1013 * np.exp(-height_m / SCALE_HEIGHT_M))
+    recording = Recording("walk", "phone", odometry=nodes, barometer=barometer)
+    similar = Sense(
+        lambda recording, nodes: MeanSimilarity(np.ones((len(nodes.t_s) - 1, 1)), "alike"),
+        ClosureParameters(),
+    )
+    parts = floor_runs(map_by(recording, [similar], PARAMETERS), PARAMETERS)
+    gap = int(np.argmax(np.diff(parts[0].odometry.t_s)))
+    left_out = round(np.diff(parts[0].odometry.t_s)[gap] / 0.5)
+    npt.assert_allclose(parts[0].odometry.step_sigma[gap, 0], 0.1 * np.sqrt(left_out))
+    similarity = parts[0].similarity
+    assert similarity.count == len(parts[0].odometry.t_s) - 1
+    npt.assert_array_equal(similarity.rows(0, gap)[:, gap], 0)
+    assert parts[1].floor_map is None
+
+
+def test_a_walk_on_one_floor_is_as_it_was_without_a_barometer(recording: Recording) -> None:
+    encoder = load_encoder("spectral")
+    bare = map_by_echoes(recording, encoder, PARAMETERS)
+    level = map_by_echoes(with_stairs(recording, 1e4, 10.0), encoder, PARAMETERS)
+    assert level.visited is None
+    npt.assert_array_equal(level.trajectory.world_from_body, bare.trajectory.world_from_body)
+
+
+STAIRS = Passage(LevelPassage.STAIRS, 0, 1, (0.0, 0.0), (4.0, 0.0), 20.0)
+
+
+def test_passages_that_are_one_become_their_mean() -> None:
+    near = replace(STAIRS, from_xy_m=(2.0, 0.0), duration_s=30.0)
+    far = replace(STAIRS, to_xy_m=(14.0, 0.0))
+    lift = replace(STAIRS, kind=LevelPassage.LIFT)
+    mean = replace(STAIRS, from_xy_m=(1.0, 0.0), duration_s=25.0)
+    assert gathered_passages([STAIRS, far, near, lift]) == (mean, far, lift)
