@@ -19,6 +19,7 @@ from elfslam.stages.ways import (
     Route,
     WayGraph,
     corners,
+    moves_of,
     way,
     way_graph,
     without_steps,
@@ -141,3 +142,10 @@ def test_corners_are_what_is_left_of_a_line() -> None:
     line = walked((0, 0), (10, 0), (10, 8))
     np.testing.assert_allclose(corners(line, 0.5), [[0, 0], [10, 0], [10, 8]], atol=1e-9)
     np.testing.assert_array_equal(corners(line[:2], 0.5), line[:2])
+
+
+def test_a_way_is_told_by_its_turns_and_passages() -> None:
+    graph = two_floors(LIFT)
+    told = moves_of(found(graph, LevelPosition(0, (5.0, 0.0)), LevelPosition(1, (12.0, 3.0))))
+    assert [(each.level, each.after) for each in told] == [(0, "start"), (1, "lift"), (1, "left")]
+    np.testing.assert_allclose([each.length_m for each in told], [25, 2.8, 18], atol=0.5)

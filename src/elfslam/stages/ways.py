@@ -34,6 +34,14 @@ WALKING_MPS = 1.2
 LIFT_WAIT_S = 30.0
 """The mean wait that lifts of offices are planned for (CIBSE Guide D)."""
 
+STRAIGHT_M = 1.0
+"""Who strays less from a straight line has made no turn."""
+TURNS = (
+    "straight ahead", "half left", "left", "sharp left", "back", "sharp right", "right",
+    "half right",
+)  # fmt: skip
+"""By eighths of a circle, counter-clockwise."""
+
 
 @dataclass(frozen=True)
 class LevelPosition:
@@ -59,6 +67,15 @@ class Route:
     legs: tuple[Leg, ...]
     length_m: float
     duration_s: float
+
+
+@dataclass(frozen=True)
+class Move:
+    """Straight on for so far on a floor, after a turn, or else after a passage or the start."""
+
+    level: int
+    after: str
+    length_m: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +135,20 @@ def way(graph: WayGraph, start: LevelPosition, goal: LevelPosition) -> Route | N
     length_m = float(np.linalg.norm(np.diff(line_m, axis=0), axis=1).sum())
     duration_s = float(away_s[first] + beside_m / WALKING_MPS)
     return Route(_legs(graph, np.array(nodes), line_m), length_m, duration_s)
+
+
+def moves_of(route: Route) -> list[Move]:
+    """A way as one tells it: how far between which turns, and by which passages."""
+    moves, after = [], "start"
+    for leg in route.legs:
+        sides = np.diff(corners(leg.xy_m, STRAIGHT_M), axis=0)
+        bearing = np.arctan2(sides[:, 1], sides[:, 0])
+        eighths = np.round(4 * np.diff(bearing) / np.pi).astype(np.int64) % 8
+        turns = [after, *(TURNS[k] for k in eighths)]
+        lengths_m = np.linalg.norm(sides, axis=1).tolist()
+        moves += [Move(leg.level, *each) for each in zip(turns, lengths_m, strict=True)]
+        after = leg.leaves_by or ""
+    return moves
 
 
 def corners(line_m: F64, off_m: float) -> F64:
