@@ -79,6 +79,10 @@ class Building:
         """The ordinals of the floors, rising."""
         return tuple(each.level for each in self.floors)
 
+    def passages_at(self, level: int) -> tuple[Passage, ...]:
+        """The passages that lead to a floor or away from it."""
+        return tuple(each for each in self.passages if level in (each.from_level, each.to_level))
+
 
 def _check_passage(passage: Passage, levels: Sequence[int]) -> None:
     ends = passage.from_level, passage.to_level

@@ -37,7 +37,7 @@ def write_building(building: Building, folder: Path) -> None:
             {"level": each.level, "height_m": each.height_m, "folder": f"{FLOORS}/{each.level}"}
             for each in building.floors
         ],
-        "passages": [_passage_facts(each) for each in building.passages],
+        "passages": [passage_facts(each) for each in building.passages],
         "software": f"elfslam {__version__}",
     }
     text = json.dumps(content, indent=2, ensure_ascii=False)
@@ -61,7 +61,8 @@ def read_building(folder: Path) -> Building:
         raise StoreError(f"{file}: is no building ({cause!s:.120}); map it again") from cause
 
 
-def _passage_facts(passage: Passage) -> dict[str, object]:
+def passage_facts(passage: Passage) -> dict[str, object]:
+    """A passage as building.json has it."""
     return {
         "kind": passage.kind,
         "from_level": passage.from_level,

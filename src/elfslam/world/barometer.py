@@ -17,15 +17,21 @@ RATE_HZ = 25.0
 GAS_CONSTANT_JPKGK = 287.05
 """Of dry air."""
 INDOORS_K = 294.15
-SEA_HPA = (990.0, 1030.0)
+ENTRANCE_HPA = (990.0, 1030.0)
 WEATHER_HPAPH = 1.0
-"""The fastest that weather changes the pressure within an hour, as a rule."""
+"""The fastest trend, either way; three times as fast is called a rapid change at sea."""
 NOISE_HPA = 0.02
+"""The data sheet of the Bosch BMP280 has 1.3 to 3.3 Pa without its filter, by oversampling."""
 SLOW_HPA, SLOW_S = 0.02, 120.0
+"""Of ventilation and of the sensor as it warms in the hand; estimates."""
 DOORS_PER_MIN = 0.3
-DOOR_HPA = (0.05, 0.2)
-DOOR_S = (1.5, 12.0)
-GUST_HPA, GUST_S, WINDY_M = 0.06, 2.0, 8.0
+DOOR_HPA, DOOR_S = (0.05, 0.2), (1.5, 12.0)
+"""How much a door of a ventilated building holds back, and within what time it evens out, until it
+is shut again: estimates, of the size by which such buildings are held above the open."""
+GUST_HPA, GUST_S = 0.06, 2.0
+"""The pressure of a wind of 4 m/s at a door, about."""
+WINDY_M, WINDY_LOW_M = 8.0, 2.5
+"""So near an entrance wind is felt, and on its floor alone."""
 
 
 def pressure_at(ground_hpa: float, height_m: F64) -> F64:
@@ -47,7 +53,7 @@ def read_barometer(
     """
     t_s = sample_times(motion, RATE_HZ)
     height_m = np.interp(t_s, motion.t_s, motion.position_m[:, 2])
-    pressure = pressure_at(generator.uniform(*SEA_HPA), height_m)
+    pressure = pressure_at(generator.uniform(*ENTRANCE_HPA), height_m)
     pressure += generator.uniform(-WEATHER_HPAPH, WEATHER_HPAPH) * t_s / 3600
     pressure += SLOW_HPA * gauss_markov(generator, (len(t_s), 1), SLOW_S, RATE_HZ)[:, 0]
     pressure += _doors(t_s, doors_s, generator)
@@ -75,4 +81,5 @@ def _exposure(motion: Motion, t_s: F64, entrances_m: F64 | None) -> F64:
         return np.zeros(len(t_s))
     xy = np.column_stack([np.interp(t_s, motion.t_s, motion.position_m[:, k]) for k in range(2)])
     away_m = np.linalg.norm(xy[:, None] - entrances_m, axis=2).min(axis=1)
-    return np.asarray(np.exp(-((away_m / WINDY_M) ** 2)))
+    is_low = np.abs(np.interp(t_s, motion.t_s, motion.position_m[:, 2])) < WINDY_LOW_M
+    return np.asarray(is_low * np.exp(-((away_m / WINDY_M) ** 2)))

@@ -31,7 +31,14 @@ from elfslam.world.toml_tables import (
     vector,
     whole,
 )
-from elfslam.world.world_file import World, in_state, load_world, parse_world, walked_room
+from elfslam.world.world_file import (
+    World,
+    in_state,
+    load_world,
+    parse_world,
+    walked_room,
+    world_names,
+)
 
 APPROACH_M = 0.6
 """Before a door or a foot: so far off people go straight to it."""
@@ -127,10 +134,13 @@ def load_place(name: Path | str) -> World | MultiFloorWorld:
         file = folder.joinpath(f"{name}.toml")
         return parse_building(file.read_text(encoding="utf-8"), f"buildings/{name}.toml", folder)
     path = Path(name)
-    if path.is_file():
+    if path.is_file() and str(name) not in world_names():
         content = read_text(path, MOST_TOML_BYTES)
         if "floor" in read_table(content, str(path)).values:
             return parse_building(content, str(path), path.parent)
+    elif str(name) not in world_names():
+        known = ", ".join(world_names() + building_names())
+        raise InputError(f"world {str(name)!r}: wanted {known} or a TOML file; no such place")
     return load_world(name)
 
 
@@ -175,6 +185,8 @@ def check_plan(building: MultiFloorWorld, plan: Sequence[int]) -> None:
     for level in plan:
         building.storey(level)
     for here, there in pairwise(plan):
+        if here == there:
+            raise InputError(f"plan: level {here} follows itself; name it once and add rounds")
         building.between(here, there)
 
 

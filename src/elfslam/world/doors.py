@@ -62,6 +62,12 @@ def in_outer_wall(door: HingedDoor, room: Room) -> bool:
     return any(point_gap_m(ends, a, b).max() < DEEP_M for a, b in sides)
 
 
+def entrances_m(doors: Sequence[HingedDoor], room: Room) -> F64:
+    """The middles (n, 2) of doors that lead out of the room."""
+    out = [(door.from_m + door.to_m) / 2 for door in doors if in_outer_wall(door, room)]
+    return np.array(out).reshape(-1, 2)
+
+
 def blocks_of(door: HingedDoor, room: Room, *, is_open: bool) -> tuple[Block, ...]:
     """What the door puts into the room."""
     outer = in_outer_wall(door, room)

@@ -44,6 +44,7 @@ class Surroundings:
     access_points: tuple[AccessPoint, ...] = ()
     field: magnetic.MagneticField | None = None
     power_lines: tuple[magnetic.PowerLine, ...] = ()
+    entrances_m: F64 | None = None
 
 
 class Readings(TypedDict, total=False):
@@ -112,7 +113,8 @@ def sense(
             motion, around.power_lines, around.seed, generator, magnetic.MainsParameters()
         )
     if Sensor.BAROMETER in sensors:
-        readings["barometer"] = read_barometer(motion, np.random.default_rng([seed, 51]))
+        generator = np.random.default_rng([seed, 51])
+        readings["barometer"] = read_barometer(motion, generator, (), around.entrances_m)
     return readings
 
 

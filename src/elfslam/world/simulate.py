@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -13,6 +14,7 @@ from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.values import Recording, Truth
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.device import BMI160, ImuGrade
+from elfslam.world.doors import entrances_m
 from elfslam.world.imu import read_imu
 from elfslam.world.recorder import record_walk
 from elfslam.world.sensors import Sensor, read_surroundings, sense
@@ -60,7 +62,10 @@ def simulate(
     generator = np.random.default_rng([seed, 1])
     route_m = world.route_m[::-1] if reverse else world.route_m
     someone, motion = _walked(world, route_m, rounds, walker, generator)
-    around = world.surroundings or read_surroundings({}, world.room, 0)
+    around = replace(
+        world.surroundings or read_surroundings({}, world.room, 0),
+        entrances_m=entrances_m(world.doors, world.room),
+    )
     readings = sense(around, motion, seed, sensors, wifi or WifiParameters())
     today = circumstances or Circumstances()
     imu = read_imu(motion, grade, generator)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from elfslam.base.arguments import Seed, checked
 from elfslam.base.errors import InputError, ParameterError
-from elfslam.base.values import Recording, Truth
+from elfslam.base.values import LevelPassage, Recording, Truth
 from elfslam.world.barometer import read_barometer
 from elfslam.world.building import MultiFloorWorld, check_plan
 from elfslam.world.building_walk import (
@@ -28,7 +29,8 @@ from elfslam.world.kinds import Kind
 from elfslam.world.recorder import WorldVisit, record_visits
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import LONGEST_S, WALKERS, Rounds, simulate, truth_of
-from elfslam.world.walker import Motion, random_walker
+from elfslam.world.stroll import lane_of, random_person
+from elfslam.world.walker import Motion, Walker, random_walker
 from elfslam.world.world_file import World
 
 
@@ -54,12 +56,16 @@ def simulate_building(
     that are not there or not joined, and for a walk of more than two hours; ParameterError for
     what only worlds of one floor have.
     """
-    _check_wishes(walker, sensors)
+    if others := set(sensors) - {Sensor.BAROMETER}:
+        raise ParameterError(
+            f"sensors {', '.join(sorted(others))}: of these a building has {Sensor.BAROMETER} "
+            "alone; leave the others out"
+        )
     plan = tuple(plan) or building.plan
     check_plan(building, plan)
     generator = np.random.default_rng([seed, 1])
     course = course_of(building, plan, rounds, generator, reverse=reverse)
-    someone = random_walker(generator)
+    someone = _someone(walker, building, generator)
     if path_of(course).along_m[-1] > LONGEST_S * someone.speed_mps:
         raise InputError(
             f"building {building.name!r:.60}: {rounds} rounds on {len(plan)} floors take more than "
@@ -67,9 +73,8 @@ def simulate_building(
         )
     walk = walk_through(someone, course, generator)
     today = circumstances or Circumstances()
-    doors_s = [t_s for t_s, _ in place_changes(walk)[1:]]
     wind = np.random.default_rng([seed, 51])
-    barometer = read_barometer(walk.motion, wind, doors_s, building.entrances_m)
+    barometer = read_barometer(walk.motion, wind, _doors_s(walk), building.entrances_m)
     imu = read_imu(walk.motion, grade, generator)
     audio, played_t_s, gain_db = None, None, None
     if sound:
@@ -100,7 +105,7 @@ def simulate_place(
 
     Raises ParameterError for a plan of a world of one floor, and as they do.
     """
-    laps = {} if rounds is None else {"rounds": rounds}
+    laps: dict[str, Any] = {} if rounds is None else {"rounds": rounds}
     if isinstance(place, MultiFloorWorld):
         return simulate_building(place, seed, plan=plan, **laps, **walk)
     if plan:
@@ -123,13 +128,21 @@ def usual_day(
     return whose.asking(first.room), replace(place, storeys=storeys)
 
 
-def _check_wishes(walker: str, sensors: Collection[Sensor]) -> None:
-    if walker != WALKERS[0]:
-        raise ParameterError(f"walker {walker!r}: a building has {WALKERS[0]} alone; choose it")
-    if set(sensors) - {Sensor.BAROMETER}:
-        raise ParameterError(
-            f"sensors {', '.join(sensors)}: a building brings its barometer alone; leave them out"
-        )
+def _someone(kind: str, building: MultiFloorWorld, generator: np.random.Generator) -> Walker:
+    if kind not in WALKERS:
+        raise ParameterError(f"walker {kind!r}: wanted {' or '.join(WALKERS)}; correct it")
+    if kind == WALKERS[0]:
+        return random_walker(generator)
+    return random_person(generator, lane_of(building.storeys[0].world.room))
+
+
+def _doors_s(walk: BuildingWalk) -> list[float]:
+    """When a door of stairs or a lift opens."""
+    return [
+        there[0]
+        for here, there in pairwise(place_changes(walk))
+        if {here[1].passage, there[1].passage} & {LevelPassage.STAIRS, LevelPassage.LIFT}
+    ]
 
 
 def visits_of(walk: BuildingWalk, today: Circumstances) -> list[WorldVisit]:

@@ -8,7 +8,7 @@ studies sensors`).
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +22,7 @@ from elfslam.world.walker import (
     Straying,
     Walker,
     by_step,
+    keeping_to_the_line,
     motion_along,
     on_lap,
     random_walker,
@@ -118,35 +119,45 @@ def way_through(room: Room, route_m: F64) -> Way:
     middle = np.arange(len(lap_xy), dtype=np.float64)
     turned = on_lap(lap_xy, middle + 0.5)[1] - on_lap(lap_xy, middle - 0.5)[1]
     curvature_pm = turned * len(lap_xy) / lap_m
-    return Way(lap_xy, lap_m, curvature_pm, _free_beside(lap_xy, curvature_pm, room))
+    return Way(lap_xy, lap_m, curvature_pm, free_beside(lap_xy, curvature_pm, room))
 
 
 def stroll_on(person: Walker, way: Way, rounds: int, generator: np.random.Generator) -> Motion:
     """The motion of somebody who strays on `rounds` laps of a way, as `stroll`."""
-    pace, turned = _velocity(person, rounds * way.lap_m, generator)
-    velocity = _by_uneven_steps(person, pace, generator)
-    count, laps = len(pace), np.cumsum(velocity) / way.lap_m / KINEMATICS_RATE_HZ
+    pace, turned = stroller_velocity(person, rounds * way.lap_m, generator)
+    velocity = by_uneven_steps(person, pace, generator)
+    line = replace(keeping_to_the_line(np.abs(pace)), turned_rad=turned)
+    along, straying, _ = astray(person, way, velocity, line, generator)
+    return motion_along(person, way.lap_xy, way.lap_m, along, straying, generator)
+
+
+def astray(
+    person: Walker, way: Way, velocity: F64, line: Straying, generator: np.random.Generator
+) -> tuple[F64, Straying, F64]:
+    """How somebody who means to keep to a line strays beside it, and takes the longer for it.
+
+    Velocity along the way (m), straying (m), and the moment of the plan (n) at each of these.
+    """
+    count, laps = len(velocity), np.cumsum(velocity) / way.lap_m / KINEMATICS_RATE_HZ
     regrips = _regrips(person, count, generator)
     left_m = _within(way, laps, person.lane_m * smooth_noise(generator, count, LANE_S))
     longer, slant = _beside(way, laps, left_m)
-    straying = Straying(
-        pace_mps=np.abs(pace),
+    straying = replace(
+        line,
         left_m=left_m,
-        turned_rad=turned + slant,
+        turned_rad=line.turned_rad + slant,
         aside_rad=person.aside_rad * smooth_noise(generator, count, ASIDE_S),
         pitch_rad=_grips(regrips, count, np.deg2rad(6.0), generator),
         lower_m=_grips(_regrips(person, count, generator), count, 0.05, generator),
         covered_db=_covered(person, regrips, count, generator),
-        ground_m=np.zeros(count),
     )
     planned, at = np.arange(count), _moments(longer)
     rows = (getattr(straying, each.name) for each in fields(straying))
     lasting = Straying(*(np.interp(at, planned, row) for row in rows))
-    along = np.interp(at, planned, velocity / longer)
-    return motion_along(person, way.lap_xy, way.lap_m, along, lasting, generator)
+    return np.interp(at, planned, velocity / longer), lasting, at
 
 
-def _by_uneven_steps(person: Walker, pace: F64, generator: np.random.Generator) -> F64:
+def by_uneven_steps(person: Walker, pace: F64, generator: np.random.Generator) -> F64:
     """Velocity (n) whose steps err in length, at the same rhythm; all in all as far."""
     if not person.step_noise:
         return pace
@@ -174,7 +185,9 @@ def _moments(longer: F64) -> F64:
     return np.interp(np.arange(int(passed[-1]) + 1), passed, np.arange(len(longer)))
 
 
-def _velocity(person: Walker, way_m: float, generator: np.random.Generator) -> tuple[F64, F64]:
+def stroller_velocity(
+    person: Walker, way_m: float, generator: np.random.Generator
+) -> tuple[F64, F64]:
     """Signed velocity along the lap (n), and by how much the walker has turned round (n)."""
     parts, turns, gone_m = [_still(generator)], [0.0], 0.0
     stops, backs = person.stops_per_min, person.ways_back_per_min
@@ -243,7 +256,7 @@ def _from_grip_to_grip(regrips: F64, values: F64, count: int) -> F64:
     return np.asarray(gaussian_filter1d(steps, GRIP_S * KINEMATICS_RATE_HZ / 2, mode="nearest"))
 
 
-def _free_beside(lap_xy: F64, curvature_pm: F64, room: Room) -> F64:
+def free_beside(lap_xy: F64, curvature_pm: F64, room: Room) -> F64:
     """How far one goes to the right and to the left of each point of the lap (k, 2), in m."""
     _, heading = on_lap(lap_xy, np.arange(len(lap_xy), dtype=np.float64))
     left = np.column_stack([-np.sin(heading), np.cos(heading)])
@@ -256,7 +269,12 @@ def _free_beside(lap_xy: F64, curvature_pm: F64, room: Room) -> F64:
             free[open_so_far, column] = far
         inward = np.maximum(sign * curvature_pm, 1e-3)
         free[:, column] = np.minimum(free[:, column], INSIDE / inward)
-    least = minimum_filter1d(free, BESIDE, axis=0, mode="wrap")
+    return narrowed(free)
+
+
+def narrowed(free_m: F64) -> F64:
+    """The least of what is free (k, 2) just before and behind, softly."""
+    least = minimum_filter1d(free_m, BESIDE, axis=0, mode="wrap")
     return np.asarray(gaussian_filter1d(least, BESIDE / 4, axis=0, mode="wrap"))
 
 

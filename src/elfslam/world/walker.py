@@ -65,7 +65,8 @@ class Straying(Value):
     `pace_mps` is how fast they mean to go, which sets the steps; `left_m` is the lane, to the left
     of the route; `turned_rad` is what the lane slants, and pi on the way back; `aside_rad`,
     `pitch_rad` and `lower_m` are how the phone is held, and `covered_db` what the hand takes of the
-    sound at its loudspeaker. `ground_m` is how high they stand: on stairs, or in a lift.
+    sound at its loudspeaker. `ground_m` is how high they stand, on stairs or in a lift, and
+    `bounce` how many times as hard as on the flat they tread there.
     """
 
     pace_mps: F64 = array("n")
@@ -76,6 +77,7 @@ class Straying(Value):
     lower_m: F64 = array("n")
     covered_db: F64 = array("n")
     ground_m: F64 = array("n")
+    bounce: F64 = array("n")
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +95,12 @@ class Motion(Value):
     heading_rad: F64 = array("n")
     steps: F64 = array("n")
     covered_db: F64 | None = array("n", optional=True)
+
+
+def keeping_to_the_line(pace_mps: F64) -> Straying:
+    """That of a surveyor, on flat ground."""
+    none = np.zeros(len(pace_mps))
+    return Straying(pace_mps, none, none, none, none, none, none, none, np.ones(len(pace_mps)))
 
 
 def random_walker(generator: np.random.Generator) -> Walker:
@@ -126,8 +134,7 @@ def walk(
     count = min(end + round(standing_s / dt_s), count)
     moving = speed[:count] * (np.arange(count) < end)
     moving = gaussian_filter1d(moving, 0.15 / dt_s)
-    none = np.zeros(count)
-    straying = Straying(moving, none, none, none, none, none, none, none)
+    straying = keeping_to_the_line(moving)
     return motion_along(walker, lap_xy, lap_m, moving, straying, generator)
 
 
@@ -168,7 +175,12 @@ def motion_on(
     if walker.impact:
         stride = stride + walker.impact * np.cos(8 * np.pi * steps + 0.4)
     z = walker.height_m + 0.02 * smooth_noise(generator, count, 8.0)
-    z = z + walker.bounce_m * gait**1.5 * stride - straying.lower_m + straying.ground_m
+    z = (
+        z
+        + walker.bounce_m * gait**1.5 * stride * straying.bounce
+        - straying.lower_m
+        + straying.ground_m
+    )
     wobble = walker.wobble_rad * smooth_noise(generator, count, 10.0)
     tremor = walker.tremor_rad * smooth_noise(generator, count, 0.3)
     yaw = (

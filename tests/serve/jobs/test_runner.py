@@ -17,9 +17,14 @@ from starlette.testclient import TestClient
 from elfslam.app.map import MapJob
 from elfslam.app.settings import Settings
 from elfslam.data.position_files import read_fixes
+from elfslam.data.recordings import read_recording, write_recording
 from elfslam.serve.app import create_app
 from elfslam.serve.services import Services, open_services
+from elfslam.serve.store.tables import Recording, RecordingState
+from elfslam.stages.chirp import describe_chirp
 from tests.serve.jobs.conftest import start
+from tests.serve.planting import plant_files
+from tests.stages.pressure import with_stairs
 from tests.waiting import until
 
 pytestmark = pytest.mark.real
@@ -96,6 +101,30 @@ def test_a_stretch_of_a_walk_becomes_a_map_beside_that_of_the_whole(
     none = ended(owner, start(owner, kind="map", recording=recording, from_s=900))
     assert (none["state"], none["gave"]) == ("failed", {})
     assert "wanted motion from 900" in none["problem"]
+
+
+def test_a_walk_over_two_floors_becomes_a_map_a_floor_in_one_frame(
+    owner: TestClient, services: Services, walks: Path, tmp_path: Path, ended: Wait
+) -> None:
+    climbed = with_stairs(read_recording(walks / "one"), 11.0, 8.0)
+    write_recording(climbed, tmp_path / "climbed", chirp_description=describe_chirp())
+    user_id = owner.get("/api/me").json()["id"]
+    row = Recording(user_id=user_id, name="The tower", state=RecordingState.READY)
+    recording = plant_files(services, row, tmp_path / "climbed")
+    job = ended(owner, start(owner, kind="map", recording=recording, by=["motion"]))
+    assert job["problem"] is None
+    lower, upper = (
+        owner.get(f"/api/maps/{each}").json()
+        for each in (job["gave"]["map"], *job["gave"]["floors"])
+    )
+    assert [each["level"] for each in (lower, upper)] == [0, 1]
+    for each in (lower, upper):
+        assert (each["venue"], each["facts"]["frame"]) == ("The tower", lower["id"])
+        assert [passage["kind"] for passage in each["facts"]["passages"]] == ["stairs"]
+        assert {"run.json", "trajectory.tum", "report.html"} <= {f["name"] for f in each["files"]}
+    assert lower["facts"]["duration_s"] == pytest.approx(10.0, abs=2)
+    owner.delete(f"/api/recordings/{recording}").raise_for_status()
+    assert owner.get("/api/maps").json() == []
 
 
 def test_maps_are_merged_and_a_walk_is_located(

@@ -25,6 +25,7 @@ from sqlalchemy.orm import Session
 
 from elfslam.app.workers import WorkerDiedError, WorkersAwayError
 from elfslam.base.errors import InputError, WorkerError
+from elfslam.data.building_files import FLOORS
 from elfslam.data.map_files import BY_TAPS, MISSING
 from elfslam.serve.jobs import queue
 from elfslam.serve.jobs.executors import (
@@ -263,43 +264,75 @@ def keep(services: Services, held: queue.Claim, folder: Path, result: Result) ->
         if result.facts is not None:
             made = blobs.put_folder(store, folder / OUT)
         with transaction(services.sessions) as session:
-            gave, map_id = _gave(held, result)
+            maps = _maps_of(held, result.facts, made)
+            gave = _gave(held, result.facts, [each.id for each in maps])
             kept = queue.finish(session, held, gave, result.problem)
-            if kept and map_id is not None and result.facts is not None:
-                _add_map(session, held, map_id, cast(MapFacts, result.facts), made)
-            elif kept:
+            for each in maps if kept else ():
+                _add_map(session, held, each)
+            if kept and not maps:
                 _add_files(session, held, made)
     if not kept:
         drop_unnamed(services, [blob.sha256 for blob in made.values()])
     return kept
 
 
-def _gave(held: queue.Claim, result: Result) -> tuple[dict[str, Any], str | None]:
-    """What the job says that it gave, and the id of its map where it gives one."""
-    if result.facts is None:
-        return {}, None
+@dataclass(frozen=True)
+class NewMap:
+    """A map that a job made; `floor` is the name of its level where it lies in a building."""
+
+    id: str
+    facts: MapFacts
+    files: dict[str, Blob]
+    floor: str | None = None
+
+
+def _maps_of(
+    held: queue.Claim, facts: dict[str, Any] | None, made: dict[str, Blob]
+) -> list[NewMap]:
+    """The maps among what a job made: one, or one a floor, whose frame is that of the lowest."""
+    if facts is None or held.kind is JobKind.LOCATE:
+        return []
+    if FLOORS not in facts:
+        return [NewMap(new_id(), cast(MapFacts, facts), made)]
+    common = {name: value for name, value in facts.items() if name != FLOORS}
+    frame, maps = new_id(), list[NewMap]()
+    for told in facts[FLOORS]:
+        inside, level = f"{FLOORS}/{told['level']}/", str(told["level"])
+        files = {
+            name[len(inside) :]: blob for name, blob in made.items() if name.startswith(inside)
+        }
+        report = {name: blob for name, blob in made.items() if name.endswith((".html", ".js"))}
+        its = cast(MapFacts, {**common, **told, "frame": frame})
+        maps.append(NewMap(new_id() if maps else frame, its, report | files, level))
+    return maps
+
+
+def _gave(held: queue.Claim, facts: dict[str, Any] | None, map_ids: list[str]) -> dict[str, Any]:
+    """What the job says that it gave."""
+    if facts is None:
+        return {}
     if held.kind is JobKind.LOCATE:
-        return {"fixes": held.job_id, **result.facts}, None
-    map_id = new_id()
-    lacked = {MISSING: result.facts[MISSING]} if result.facts.get(MISSING) else {}
-    return {"map": map_id, **lacked}, map_id
+        return {"fixes": held.job_id, **facts}
+    lacked = {MISSING: facts[MISSING]} if facts.get(MISSING) else {}
+    others = {FLOORS: map_ids[1:]} if len(map_ids) > 1 else {}
+    return {"map": map_ids[0], **others, **lacked}
 
 
-def _add_map(
-    session: Session, held: queue.Claim, map_id: str, facts: MapFacts, made: dict[str, Blob]
-) -> None:
+def _add_map(session: Session, held: queue.Claim, new: NewMap) -> None:
     kind = RUN if held.kind is JobKind.MAP else FLOOR
     told = _origin(session, held)
-    added = Map(id=map_id, user_id=held.user_id, kind=kind, facts=facts, **told)
+    if new.floor is not None:
+        told |= {"venue": told["name"], "floor": new.floor}
+    added = Map(id=new.id, user_id=held.user_id, kind=kind, facts=new.facts, **told)
     session.add(added)
     session.flush()
     if held.kind is JobKind.MAP:
         recording = session.get_one(Recording, held.given["recording"])
-        lay_on_tapped_plan(session, added, recording, facts)
+        lay_on_tapped_plan(session, added, recording, new.facts)
     else:
-        lay_on_plan_of_first(session, added, maps_to_merge(session, held), facts)
+        lay_on_plan_of_first(session, added, maps_to_merge(session, held), new.facts)
     session.add_all(
-        MapFile(map_id=map_id, name=name, **asdict(blob)) for name, blob in made.items()
+        MapFile(map_id=new.id, name=name, **asdict(blob)) for name, blob in new.files.items()
     )
 
 

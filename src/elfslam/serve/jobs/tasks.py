@@ -127,7 +127,7 @@ def _still(session: Session, held: Claim, found: Map, wanted: Right) -> Map:
 def frame_of(session: Session, each: Map) -> str:
     """The id of the map whose frame this one has: its own, that of the map tapped on, or that of
     the first of the maps that it was merged from."""
-    if each.kind == FLOOR:
+    if each.kind == FLOOR or "level" in each.facts:
         return str(each.facts.get("frame", each.id))
     if each.facts.get("heading") != BY_TAPS:
         return each.id

@@ -30,10 +30,12 @@ from elfslam.base.enums import Modality, Mode, parse_stretch
 from elfslam.base.errors import ElfslamError, NoAnswerError
 from elfslam.base.geometry import path_length_m
 from elfslam.base.values import Announce, FixStatus, Run
+from elfslam.data.building_files import floor_folder, is_building, passage_facts, read_building
 from elfslam.data.map_exports import walk_lines
 from elfslam.data.map_files import MISSING, read_facts, read_map
 from elfslam.data.position_files import write_fixes
 from elfslam.data.recordings import read_recording
+from elfslam.data.runs import read_run
 from elfslam.serve.jobs.executors import DISK_FULL, FIXES, GIVEN, OUT, TASK, Progress, Result
 from elfslam.slam import pipeline as slam
 from elfslam.slam.merging import MergeParameters
@@ -118,8 +120,23 @@ def _map(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | None
         announce(name, STAGES.get(name) if share is None else share)
 
     run = map_into(folder / OUT, folder / GIVEN / task["recording"], job, stage)
-    facts = {**_facts_of_run(run), **_said_of_run(folder / OUT)}
-    return facts, _problem_of(lambda: refuse_unclosed(run))
+    out = folder / OUT
+    facts = {"floors": _facts_of_floors(out)} if is_building(out) else dict(_facts_of_run(run))
+    return {**facts, **_said_of_run(out)}, _problem_of(lambda: refuse_unclosed(run))
+
+
+def _facts_of_floors(out: Path) -> list[MapFacts]:
+    """What is told of each floor of a building, in their order."""
+    building = read_building(out)
+    return [
+        {
+            **_facts_of_run(read_run(floor_folder(out, floor.level))),
+            "level": floor.level,
+            "height_m": floor.height_m,
+            "passages": [passage_facts(each) for each in building.passages_at(floor.level)],
+        }
+        for floor in building.floors
+    ]
 
 
 def _start_pose(given: list[float] | None) -> Pose | None:

@@ -169,7 +169,9 @@ def forget_given(session: Session, job: Job) -> list[str]:
     named = list(session.scalars(select(JobFile.sha256).filter_by(job_id=job.id)))
     session.execute(delete(JobFile).where(JobFile.job_id == job.id))
     if "map" in job.gave:
-        named += forget_maps(session, [job.gave["map"]], spared_job=job.id)
+        named += forget_maps(
+            session, [job.gave["map"], *job.gave.get("floors", [])], spared_job=job.id
+        )
     return named
 
 

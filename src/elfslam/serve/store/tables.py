@@ -83,7 +83,11 @@ class MapFacts(TypedDict, total=False):
     missing: Any
     """Stretches in which the recording lacked sound or motion."""
     frame: str
-    """The map whose frame a merged one has."""
+    """The map whose frame a merged one has, or a floor of a building: that of its lowest."""
+    level: int
+    """Of a floor of a building, as are its height over floor 0 and the passages that touch it."""
+    height_m: float
+    passages: list[dict[str, object]]
 
 
 class Utc(TypeDecorator[datetime]):
