@@ -33,18 +33,21 @@ from tests.stages.pressure import with_stairs
 JOB = MapJob((), None, "compact", Settings(), overwrite=False)
 
 
-@pytest.fixture(scope="module")
-def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def climbed(folder: Path, seed: int) -> Path:
     """Two rounds of the studio on one floor, two on the next."""
-    folder = tmp_path_factory.mktemp("recordings") / "walk"
-    recording, truth = simulate(load_world("studio"), seed=107, rounds=4)
+    recording, truth = simulate(load_world("studio"), seed=seed, rounds=4)
     assert recording.imu is not None
     middle_s = float(recording.imu.t_s[-1] / 2)
     by = (None, LevelPassage.STAIRS, None)
     levels = Levels(np.array([0.0, middle_s, middle_s + 10]), np.array([0, np.nan, 1]), by)
-    climbed = with_stairs(recording, middle_s, 10.0)
-    write_recording(climbed, folder, truth=replace(truth, levels=levels))
+    up = with_stairs(recording, middle_s, 10.0)
+    write_recording(up, folder, truth=replace(truth, levels=levels))
     return folder
+
+
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return climbed(tmp_path_factory.mktemp("recordings") / "walk", 107)
 
 
 @pytest.fixture(scope="module")
@@ -168,3 +171,22 @@ def test_scores_say_whether_floors_are_right(
     said = capsys.readouterr().out
     assert "Errors by floor" in said
     assert "kind_right" in said
+
+
+def test_buildings_of_walks_become_one(building: Path, walk: Path, tmp_path: Path) -> None:
+    map_into(tmp_path / "second", climbed(tmp_path / "walk2", 108), JOB, silent)
+    both = [str(building), str(tmp_path / "second")]
+    out = tmp_path / "both"
+    assert run(["merge", *both, str(out), "--known-starts"]) == 0
+    told = read_building(out)
+    assert told.levels == (0, 1)
+    assert told.floors[0].height_m == 0
+    for level in told.levels:
+        made = read_map(floor_folder(out, level))
+        assert made.sources == ("building", "second")
+        assert (floor_folder(out, level) / "report.html").is_file()
+    fixes = locate_from(walk, out, Settings())
+    assert fixes.level is not None
+    assert set(fixes.level[np.isfinite(fixes.level)]) == {0, 1}
+    assert run(["merge", str(out), both[1], str(tmp_path / "again")]) == 2
+    assert run(["merge", str(floor_folder(building, 0)), both[1], str(tmp_path / "mixed")]) == 2

@@ -144,7 +144,7 @@ def test_a_tap_says_which_floor_the_first_is() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "wanted_m"), [(STAIRS, 0.29 * 20), (LIFT, 0.0), (ESCALATOR, 0.29 * 20 + 6.93)]
+    ("kind", "wanted_m"), [(STAIRS, 0.29 * 20), (LIFT, 0.0), (ESCALATOR, 0.29 * 20 + 6.93 + 2.5)]
 )
 def test_steps_between_floors_are_as_long_as_what_they_are_taken_on_lets_them(
     kind: LevelPassage, wanted_m: float

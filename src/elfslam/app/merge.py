@@ -12,17 +12,25 @@ import numpy as np
 from elfslam.app.locate import encoder_of
 from elfslam.app.map import write_merged_map
 from elfslam.app.settings import Settings
+from elfslam.base.building import Building, BuildingFloor
 from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.parameters import digest
 from elfslam.base.text_files import readable
 from elfslam.base.values import ELF_SIZE, Announce, FloorMap, PointOfInterest, Trajectory
 from elfslam.data import map_files
-from elfslam.data.atomic_files import refuse_occupied, settled
+from elfslam.data.atomic_files import new_folder, refuse_occupied, settled
+from elfslam.data.building_files import BUILDING, floor_folder, read_building, write_building
 from elfslam.data.named_places import read_points
 from elfslam.data.runs import read_run
 from elfslam.learn.parameters import FloorLevelParameters
 from elfslam.slam.merging import MappedWalk, MergeParameters, add_walk, lay_walk, merge, walk_of
+from elfslam.slam.merging.floors import (
+    MergedFloor,
+    merged_building,
+    merged_floors,
+    numbered_alike,
+)
 from elfslam.stages.checkpoints import carried, gathered
 from elfslam.stages.feature import Encoder, OnnxEncoder
 from elfslam.stages.floormap import (
@@ -80,6 +88,87 @@ def merge_into(
         points_of_interest=_named(bases, walks, made.trajectories),
     )  # fmt: skip
     return made
+
+
+def merge_buildings_into(
+    out: Path,
+    paths: Sequence[Path],
+    parameters: MergeParameters,
+    announce: Announce,
+    *,
+    known_starts: bool = False,
+    overwrite: bool = False,
+) -> tuple[Building, Outcome]:
+    """Merge the buildings of single walks into one: one frame for all, a merged map a floor.
+
+    Raises NoAnswerError where no walk could be merged, InputError where they cannot be compared.
+    """
+    refuse_occupied(out, BUILDING if overwrite else None)
+    walks, floors = zip(*[_building_walk(path, announce) for path in paths], strict=True)
+    names = [walk.name for walk in walks]
+    if len(set(names)) < len(names):
+        raise InputError("merge: two buildings have the same name; name each folder once")
+    numbered, own_floors = numbered_alike(walks, floors, parameters)
+    made = _merged(numbered, parameters, announce, known_starts=known_starts)
+    inside = [k for k, walk in enumerate(numbered) if walk.name in made.trajectories]
+    taken, known = [numbered[k] for k in inside], [own_floors[k] for k in inside]
+    folders = [_floor_folders(paths[k], own_floors[k]) for k in inside]
+    trajectories = [made.trajectories[walk.name] for walk in taken]
+    merged = merged_floors(taken, trajectories, known, parameters)
+    building = merged_building(readable(out.name), taken, trajectories, known, list(merged))
+    encoder = _encoder_in([floor_folder(paths[0], read_building(paths[0]).levels[0])])
+    with new_folder(out, replaces=BUILDING if overwrite else None) as partial:
+        write_building(building, partial)
+        for level, floor in merged.items():
+            write_merged_map(
+                floor_folder(partial, level), floor.floor_map, parameters,
+                told={"walks": list(floor.floor_map.sources), "level": level},
+                trajectories=floor.trajectories, refused=made.refused, encoder=encoder,
+                points_of_interest=_named_on(folders, taken, floor, level), overwrite=False,
+            )  # fmt: skip
+    return building, made
+
+
+def _building_walk(path: Path, announce: Announce) -> tuple[MappedWalk, tuple[BuildingFloor, ...]]:
+    """The walk of a building, with what was heard on its floors, and these."""
+    name = readable(path.absolute().name)
+    announce(f"reading {name}", None)
+    if not (settled(path) / map_files.FACTS).is_file():
+        raise InputError(f"{path}: is a merged building; merge the buildings of its walks instead")
+    run, building = read_run(path), read_building(path)
+    heard = [read_run(floor_folder(path, level)).features for level in building.levels]
+    if run.visited is None or any(each is None for each in heard):
+        raise InputError(f"{path}: was mapped without sound; map it by its echoes")
+    known = [each for each in heard if each is not None]
+    t_s = np.concatenate([each.t_s for each in known])
+    order = np.argsort(t_s)
+    vectors = np.concatenate([each.vectors for each in known])[order]
+    features = replace(known[0], t_s=t_s[order], vectors=vectors)
+    walk = walk_of(replace(run, features=features))
+    return replace(walk, name=name, levels=run.visited.levels), building.floors
+
+
+def _floor_folders(path: Path, numbered: Sequence[BuildingFloor]) -> dict[int, Path]:
+    """The folders of a walk's floors, by the level that they have now."""
+    own = read_building(path).levels
+    return {floor.level: floor_folder(path, k) for floor, k in zip(numbered, own, strict=True)}
+
+
+def _named_on(
+    folders: Sequence[Mapping[int, Path]],
+    walks: Sequence[MappedWalk],
+    floor: MergedFloor,
+    level: int,
+) -> list[PointOfInterest]:
+    """The points of interest that walks named on a floor, where it lies now."""
+    named: list[PointOfInterest] = []
+    for own_folders, walk in zip(folders, walks, strict=True):
+        after = floor.trajectories.get(walk.name)
+        if after is not None and level in own_folders:
+            there = np.isin(walk.trajectory.t_s, after.t_s)
+            own = read_points(own_folders[level])
+            named += carried(own, walk.trajectory.chosen(there), after)
+    return gathered(named)
 
 
 def _merged(

@@ -24,10 +24,11 @@ from elfslam.app.map import (
     refuse_unclosed,
     versions,
 )
-from elfslam.app.merge import merge_into, superimpose_into
+from elfslam.app.merge import merge_buildings_into, merge_into, superimpose_into
 from elfslam.app.settings import Settings
 from elfslam.app.workers import open_workers
 from elfslam.base.enums import Modality, parse_modalities, parse_stretch
+from elfslam.base.errors import InputError
 from elfslam.base.parameters import load
 from elfslam.base.values import Run
 from elfslam.cli import options
@@ -145,13 +146,31 @@ def merge_command(
     if by is not None:
         _merge_by_field(out, runs, parse_modalities(by), settings, force=force)
         return
+    buildings = [path for path in runs if is_building(path)]
+    if buildings and len(buildings) < len(runs):
+        raise InputError(
+            f"merge: {buildings[0]} is a building and not all others are; merge buildings with "
+            f"each other, or one of its floors ({buildings[0] / FLOORS})"
+        )
     with progress_bar() as announce:
-        made = merge_into(out, runs, settings, announce, known_starts=known_starts, overwrite=force)
+        if buildings:
+            building, made = merge_buildings_into(
+                out, runs, settings, announce, known_starts=known_starts, overwrite=force
+            )
+        else:
+            made = merge_into(
+                out, runs, settings, announce, known_starts=known_starts, overwrite=force
+            )
     if made.pairs:
         print_rows(made.pairs, title="How they met", as_json=as_json)
     for name, why in made.refused.items():
         say(f"not merged: {name}: {why}")
-    say(f"{len(made.floor_map.sources)} walks in one map; look at {out / 'report.html'}")
+    walks = len(made.floor_map.sources)
+    if buildings:
+        floors = ", ".join(f"{each.level} at {each.height_m:g} m" for each in building.floors)
+        say(f"{walks} walks in one building; floors {floors}, each in {out / FLOORS}")
+    else:
+        say(f"{walks} walks in one map; look at {out / 'report.html'}")
 
 
 def _merge_by_field(

@@ -10,7 +10,6 @@ import numpy as np
 
 from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.building import Building, FloorsVisited, Passage
-from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import (
     AnySimilarity,
     Checkpoints,
@@ -52,7 +51,7 @@ def building_of(run: Run, levels: Sequence[int]) -> Building:
     floors = tuple(each for each in visited.floors if each.level in levels)
     walked = [
         each
-        for each in _passages_walked(run.trajectory, visited)
+        for each in passages_walked(run.trajectory, visited)
         if {each.from_level, each.to_level} <= set(levels)
     ]
     return Building(run.name, floors, gathered_passages(walked))
@@ -138,15 +137,17 @@ def _chosen_closures(run: Run, kept: I64) -> tuple[Closures, F64]:
     return replace(closures, i=i, j=j), run.trajectory.closure_weights[there]
 
 
-def _passages_walked(trajectory: Trajectory, visited: FloorsVisited) -> list[Passage]:
+def passages_walked(trajectory: Trajectory, visited: FloorsVisited) -> list[Passage]:
     """Each passage as it was taken, at the places where the floors were left and reached."""
     walked = []
     for begin_s, end_s, kind, (before, after) in passages_of(visited.levels):
         if kind is None or not np.isfinite([before, after]).all() or before == after:
             continue
-        at_s = np.array([begin_s, end_s])
-        poses = interpolate_poses(trajectory.t_s, trajectory.world_from_body, at_s)
-        left, reached = ((float(x_m), float(y_m)) for x_m, y_m, _ in poses)
+        last = max(int(np.searchsorted(trajectory.t_s, begin_s, side="right")) - 1, 0)
+        first = min(int(np.searchsorted(trajectory.t_s, end_s)), len(trajectory.t_s) - 1)
+        left, reached = (
+            (float(x_m), float(y_m)) for x_m, y_m, _ in trajectory.world_from_body[[last, first]]
+        )
         walked.append(Passage(kind, int(before), int(after), left, reached, end_s - begin_s))
     return [each if each.kind is LevelPassage.ESCALATOR else _upward(each) for each in walked]
 

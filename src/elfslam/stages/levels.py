@@ -33,7 +33,8 @@ EDGE = 0.1
 """A passage is timed from where this share of its height is made to where it remains."""
 MOST_AT_ONCE = 0.8
 """Share of a change: not even a lift makes so much of a storey while a door opens."""
-ESCALATOR_SLOPE_RAD = np.deg2rad(30.0)
+ESCALATOR_SLOPE_RAD, ESCALATOR_FLAT_M = np.deg2rad(30.0), 2.5
+"""At both ends together its steps are level: three or so at each."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ class LevelParameters:
     )
     tread_m: float = parameter(0.29, "m", "how far a footstep on stairs gets", 0.1, 1.0)
     tread_sigma_m: float = parameter(0.15, "m", "how far that is off, landings too", 0.01, 5.0)
-    ride_sigma_m: float = parameter(0.7, "m", "how far somebody moves about in a lift", 0.01, 10.0)
+    ride_sigma_m: float = parameter(0.7, "m", "what lifts and escalators add to that", 0.01, 10.0)
 
 
 @dataclass(frozen=True)
@@ -380,7 +381,9 @@ def reckoned_on_passages(
         if kind is LevelPassage.ESCALATOR and set(ends) <= heights_m.keys():
             rise_m = abs(heights_m[ends[1]] - heights_m[ends[0]])
             share = lasting_s[inside] / lasting_s[inside].sum()
-            wanted_m[inside] += share * rise_m / np.tan(ESCALATOR_SLOPE_RAD)
+            ridden_m = rise_m / np.tan(ESCALATOR_SLOPE_RAD) + ESCALATOR_FLAT_M
+            wanted_m[inside] += share * ridden_m
+            sigma[inside, :2] += np.sqrt(share)[:, None] * parameters.ride_sigma_m
     ahead = np.divide(
         moves[:, :2],
         lengths_m[:, None],

@@ -70,12 +70,12 @@ class WalkPair(Value):
     """Footsteps of walks that share a frame (n), those of one more (m), and how similar they are.
 
     The links sound alike over a long sequence: footsteps i of the one and j of the other, in any
-    order. `sigma_m` says how far either side may be bent.
+    order. `sigma_m` says how far either side may be bent. A score of minus infinity does not count.
     """
 
     one: F64 = array("n", 3)
     other: F64 = array("m", 3)
-    scores: F32 = array("n", "m", dtype=np.float32)
+    scores: F32 = array("n", "m", dtype=np.float32, finite=False, largest=np.inf)
     links: Closures
     sigma_m: float
 

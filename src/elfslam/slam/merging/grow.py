@@ -199,7 +199,7 @@ def _borne_out(
         alike = [] if known_starts else _alike(own, trajectories, parameters)
         if min(alike, default=np.inf) >= parameters.alignment.least_resemblance:
             names = tuple(walk.name for walk in inside)
-            floor_map = _map(inside, trajectories, parameters)
+            floor_map = map_of_walks(inside, trajectories, parameters)
             return Joined(names, tuple(trajectories), floor_map), refused
         worst = int(np.argmin(alike))
         refused[inside[worst].name] = f"bent onto the others it {_too_little(alike[worst])}"
@@ -246,7 +246,7 @@ def _bent(
     return joined_walks(inside, frames, links, parameters, known_starts=known_starts)
 
 
-def _map(
+def map_of_walks(
     walks: Sequence[MappedWalk], trajectories: Sequence[Trajectory], parameters: MergeParameters
 ) -> FloorMap:
     """The map of some walks, one after the other."""

@@ -19,6 +19,7 @@ from elfslam.base.values import (
     Closures,
     Features,
     FloorMap,
+    Levels,
     Odometry,
     PointOfInterest,
     Run,
@@ -77,7 +78,7 @@ class MergeParameters(Parameters):
 
 @dataclass(frozen=True, eq=False)
 class MappedWalk:
-    """A mapped walk: what is needed to merge it."""
+    """A mapped walk: what is needed to merge it; the `levels` of one over several floors."""
 
     name: str
     odometry: Odometry
@@ -86,19 +87,22 @@ class MappedWalk:
     features: Features
     points_of_interest: tuple[PointOfInterest, ...] = ()
     checkpoints: Checkpoints | None = None
+    levels: Levels | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Side(Value):
     """Stretches of a walk (n): pose of the middle, what is heard, how certain the poses are.
 
-    `usual` is how similar the walk is to itself where it comes back.
+    `usual` is how similar the walk is to itself where it comes back. Stretches are compared on one
+    `level` alone, where that is told; NaN is none.
     """
 
     poses: F64 = array("n", 3)
     means: F32 = array("n", "d", dtype=np.float32)
     sigma_m: float
     usual: float
+    level: F64 | None = array("n", finite=False, optional=True)
 
 
 def walk_of(run: Run) -> MappedWalk:
@@ -115,7 +119,9 @@ def side_of(walk: MappedWalk, parameters: MergeParameters) -> Side:
     """A walk as merging sees it, in its own frame."""
     similarity = echo_sequence_similarity(walk.features, walk.odometry)
     poses = middles(walk.trajectory.world_from_body)
-    return _side(poses, similarity.means, walk.trajectory.covariance[:, :2, :2], parameters)
+    level = None if walk.levels is None else walk.levels.at(walk.trajectory.t_s[:-1])
+    covariance = walk.trajectory.covariance[:, :2, :2]
+    return _side(poses, similarity.means, covariance, parameters, level)
 
 
 def sides_of(floor_map: FloorMap, parameters: MergeParameters) -> list[Side]:
@@ -135,7 +141,7 @@ def sides_of(floor_map: FloorMap, parameters: MergeParameters) -> list[Side]:
 
 def placed(side: Side, frame_from_side: F64) -> Side:
     """The same walk in another frame."""
-    return Side(compose(frame_from_side, side.poses), side.means, side.sigma_m, side.usual)
+    return replace(side, poses=compose(frame_from_side, side.poses))
 
 
 def meeting_of(
@@ -149,7 +155,7 @@ def meeting_of(
     return WalkPair(
         one=np.vstack([one.poses for one in ones]),
         other=other.poses,
-        scores=np.vstack([short_scores(one.means, other.means, parameters) for one in ones]),
+        scores=np.vstack([short_scores(one, other, parameters) for one in ones]),
         links=joined(counted),
         sigma_m=float(np.hypot(np.mean([one.sigma_m for one in ones]), other.sigma_m)),
     )
@@ -161,7 +167,7 @@ def similarity_to(ones: Sequence[Side], other: Side, parameters: MergeParameters
     Zero without common ground.
     """
     poses = np.vstack([one.poses for one in ones])
-    scores = np.vstack([short_scores(one.means, other.means, parameters) for one in ones])
+    scores = np.vstack([short_scores(one, other, parameters) for one in ones])
     found = resemblances(poses, other.poses, scores, parameters.alignment)
     known = found[np.isfinite(found)]
     return float(known.mean()) / usual_of([*ones, other]) if len(known) else 0.0
@@ -169,12 +175,21 @@ def similarity_to(ones: Sequence[Side], other: Side, parameters: MergeParameters
 
 def links_between(one: Side, other: Side, parameters: MergeParameters) -> Closures:
     """Places of two walks that sound alike over a long sequence."""
-    return closures_between(one.means, other.means, other.poses, parameters.closure)
+    links = closures_between(one.means, other.means, other.poses, parameters.closure)
+    if one.level is None or other.level is None:
+        return links
+    return links.chosen(one.level[links.i] == other.level[links.j])
 
 
-def short_scores(one: F32, other: F32, parameters: MergeParameters) -> F32:
-    """How similar footsteps are (n, m), averaged over a few that follow each other."""
-    return sequence_mean(one @ other.T, parameters.alignment.short_sequence, AGAIN)
+def short_scores(one: Side, other: Side, parameters: MergeParameters) -> F32:
+    """How similar footsteps are (n, m), averaged over a few that follow each other.
+
+    Minus infinity on different levels.
+    """
+    scores = sequence_mean(one.means @ other.means.T, parameters.alignment.short_sequence, AGAIN)
+    if one.level is None or other.level is None:
+        return scores
+    return np.where(one.level[:, None] == other.level, scores, np.float32(-np.inf))
 
 
 def middles(poses: F64) -> F64:
@@ -188,9 +203,15 @@ def usual_of(sides: Sequence[Side]) -> float:
     return float(np.exp(np.mean(np.log([side.usual for side in sides]))))
 
 
-def _side(poses: F64, means: F32, covariance_m2: F64, parameters: MergeParameters) -> Side:
-    scores = short_scores(means, means, parameters)
-    apart, known = parameters.closure.near_footsteps, parameters.alignment
-    usual = usual_resemblance(poses, scores, apart, known)
+def _side(
+    poses: F64,
+    means: F32,
+    covariance_m2: F64,
+    parameters: MergeParameters,
+    level: F64 | None = None,
+) -> Side:
     sigma_m = float(np.sqrt(np.trace(covariance_m2, axis1=1, axis2=2).mean() / 2))
-    return Side(poses, means, sigma_m, max(usual or known.usual_resemblance, 0.1))
+    side = Side(poses, means, sigma_m, 1.0, level)
+    apart, known = parameters.closure.near_footsteps, parameters.alignment
+    usual = usual_resemblance(poses, short_scores(side, side, parameters), apart, known)
+    return replace(side, usual=max(usual or known.usual_resemblance, 0.1))

@@ -1,0 +1,112 @@
+"""Walks over the same two floors, planted: one counts from below, the other from above."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+
+from elfslam.base.building import BuildingFloor
+from elfslam.base.errors import InputError
+from elfslam.base.values import (
+    NO_CLOSURES,
+    Features,
+    LevelPassage,
+    Levels,
+    Odometry,
+    Trajectory,
+)
+from elfslam.slam.merging import MappedWalk, MergeParameters, merge
+from elfslam.slam.merging.floors import merged_building, merged_floors, numbered_alike
+from elfslam.slam.merging.members import links_between, side_of
+
+KNOWN = MergeParameters()
+LAP = 60
+ECHOES = 4
+"""Of a footstep."""
+SOUND = np.random.default_rng(100).normal(size=(2, LAP, 32))
+"""By floor and place on it."""
+HEIGHT_M = (0.0, 4.0)
+
+
+def walk(name: str, *plan: int) -> MappedWalk:
+    """A lap round a hall on each floor of the plan, whose levels it counts from the first."""
+    angle = 2 * np.pi * np.arange(LAP * len(plan) + 1) / LAP
+    poses = np.column_stack([7 * np.cos(angle), 7 * np.sin(angle), angle + np.pi / 2])
+    t_s = np.arange(len(angle)) * 0.5
+    vectors = np.repeat(np.concatenate([SOUND[floor] for floor in plan]), ECHOES, axis=0)
+    vectors = vectors + 0.2 * np.random.default_rng(len(name)).normal(size=vectors.shape)
+    vectors /= np.linalg.norm(vectors, axis=1, keepdims=True)
+    heard_s = (np.arange(len(vectors)) + 0.5) * 0.5 / ECHOES
+    when = [(k * LAP * 0.5, float(floor - plan[0]), None) for k, floor in enumerate(plan)]
+    rows = [when[0]]
+    for at_s, level, _ in when[1:]:
+        rows += [(at_s - 1.0, np.nan, LevelPassage.STAIRS), (at_s + 1.0, level, None)]
+    at_s, level, by = zip(*rows, strict=True)
+    covariance = np.tile(np.eye(3) * 1e-4, (len(t_s), 1, 1))
+    return MappedWalk(
+        name,
+        Odometry(t_s, poses, np.tile([0.02, 0.02, 0.005], (len(t_s) - 1, 1))),
+        Trajectory(t_s, poses, covariance, np.zeros(0), "OK"),
+        NO_CLOSURES,
+        Features(heard_s, vectors, "planted"),
+        levels=Levels(np.array(at_s), np.array(level), by),
+    )
+
+
+def floors(plan: tuple[int, ...]) -> tuple[BuildingFloor, ...]:
+    own = sorted({(floor - plan[0], HEIGHT_M[floor] - HEIGHT_M[plan[0]]) for floor in plan})
+    return tuple(BuildingFloor(*each) for each in own)
+
+
+UP, DOWN = (0, 1), (1, 0)
+
+
+def test_whose_levels_count_from_elsewhere_is_numbered_by_the_sound() -> None:
+    walks, numbered = numbered_alike(
+        [walk("one", *UP), walk("other", *DOWN)], [floors(UP), floors(DOWN)], KNOWN
+    )
+    assert floors(DOWN)[0].level == -1
+    assert [each.level for each in numbered[1]] == [0, 1]
+    assert walks[1].levels is not None
+    npt.assert_array_equal(walks[1].levels.level, [1, np.nan, 0])
+
+
+def test_heights_that_fit_nowhere_are_refused() -> None:
+    high = (BuildingFloor(0, 0.0), BuildingFloor(1, 9.0))
+    with pytest.raises(InputError, match="wanted two or more of equal heights"):
+        numbered_alike([walk("one", *UP), walk("other", *UP)], [floors(UP), high], KNOWN)
+
+
+def test_nothing_links_two_floors() -> None:
+    one, other = walk("one", *UP), walk("other", *UP)
+    sides = side_of(one, KNOWN), side_of(other, KNOWN)
+    links = links_between(*sides, KNOWN)
+    assert len(links.i) > 20
+    assert (sides[0].level[links.i] == sides[1].level[links.j]).all()
+    assert other.levels is not None
+    elsewhere = replace(other.levels, level=other.levels.level + 1)
+    moved = links_between(sides[0], side_of(replace(other, levels=elsewhere), KNOWN), KNOWN)
+    assert len(moved.i) < len(links.i) / 2
+
+
+def test_walks_are_one_building_with_a_map_a_floor() -> None:
+    given = [walk("one", *UP), walk("other", *DOWN)]
+    walks, numbered = numbered_alike(given, [floors(UP), floors(DOWN)], KNOWN)
+    made = merge(walks, KNOWN)
+    assert made.refused == {}
+    trajectories = made.maps[0].trajectories
+    merged = merged_floors(walks, trajectories, numbered, KNOWN)
+    assert list(merged) == [0, 1]
+    for level, floor in merged.items():
+        assert floor.floor_map.sources == ("one", "other")
+        assert set(floor.trajectories) == {"one", "other"}
+        off_m = np.linalg.norm(floor.floor_map.xy_m, axis=1) - 7
+        npt.assert_allclose(off_m, 0, atol=0.3)
+        there = floor.floor_map.walk == 0
+        assert there.sum() == pytest.approx(LAP * ECHOES, rel=0.1), level
+    building = merged_building("hall", walks, trajectories, numbered, [0, 1])
+    assert [each.height_m for each in building.floors] == [0, 4]
+    assert {each.kind for each in building.passages} == {LevelPassage.STAIRS}
