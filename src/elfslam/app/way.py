@@ -9,12 +9,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from elfslam.base.arrays import F64
+from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.building import Passage
 from elfslam.base.errors import NoAnswerError, ParameterError
 from elfslam.base.values import PointOfInterest
 from elfslam.data.building_files import floor_folder, is_building, read_building
 from elfslam.data.map_files import read_map
 from elfslam.data.named_places import read_points
+from elfslam.data.tables import number_or_nan
 from elfslam.stages.ways import LevelPosition, Route, way, way_graph, without_steps
 
 TOLD = re.compile(r"(?:(?P<level>[+-]?\d{1,3}):)?(?P<where>.*)", re.S)
@@ -94,12 +96,12 @@ def _level(text: str, told: int | None, here: int | None, floors: Collection[int
 
 
 def _xy_m(text: str, *cells: str) -> tuple[float, float]:
-    try:
-        x_m, y_m = map(float, cells)
-    except ValueError:
+    x_m, y_m = map(number_or_nan, cells)
+    # NaN fails the comparison.
+    if not (abs(x_m) <= FARTHEST_M and abs(y_m) <= FARTHEST_M):
         raise ParameterError(
             f"way: got {text!r:.90}, wanted LEVEL:X,Y in metres, such as 1:3.5,-2; correct it"
-        ) from None
+        )
     return x_m, y_m
 
 
