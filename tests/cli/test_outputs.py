@@ -40,6 +40,7 @@ READ_ONLY = {
     "marks": "a recording without truth gets its own",
     "score": "a run gets its own page",
     "parameters": "prints",
+    "way": "prints",
     "serve": "its data folder is its own",
     "invite": "as serve",
     "publish": "as serve",

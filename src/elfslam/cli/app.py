@@ -32,6 +32,7 @@ VERBS: Mapping[str, tuple[str, str]] = {
     "score": ("score:score", "Compare runs or fixes with the truth."),
     "anchor": ("maps:anchor_command", "Place a map on a floor plan."),
     "export": ("maps:export_command", "Write a run or a map for other programs."),
+    "way": ("maps:way_command", "Tell the way between two places of a building."),
     "show": ("maps:show", "Draw a run, a map or a world as one file."),
     "parameters": ("about:parameters", "Every parameter, its value, unit and meaning."),
     "pretrain": ("training:pretrain_command", "Train an encoder on simulated echoes."),

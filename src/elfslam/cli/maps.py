@@ -16,20 +16,22 @@ from elfslam.app.anchor import (
     follow_into,
     read_plan,
 )
-from elfslam.app.console import say
+from elfslam.app.console import print_rows, say
 from elfslam.app.export import ExportContext, export
 from elfslam.app.settings import Settings
 from elfslam.app.show import show_into
+from elfslam.app.way import find_way
 from elfslam.base.arrays import F64
 from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.enums import Format
 from elfslam.base.errors import NoAnswerError, ParameterError
 from elfslam.base.parameters import load
-from elfslam.cli.options import Force, ParameterFile, Setting
+from elfslam.cli.options import AsJson, Force, ParameterFile, Setting
 from elfslam.data.building_files import is_building
 from elfslam.data.geographic import parse_origin
 from elfslam.data.imdf import read_place
 from elfslam.stages.floor_plan_alignment import AMBIGUOUS, NOWHERE, Placement
+from elfslam.stages.ways import moves_of
 
 TOLD_SIGMA = np.array([0.5, 0.5, 0.2])
 """How well people say where a walk begins and whereto, m, m, rad."""
@@ -168,3 +170,22 @@ def show(
     """Make one file of a run, a map, a world or a page with its script, to be sent around."""
     show_into(out, what, overwrite=force)
     say(f"look at {out}")
+
+
+def way_command(
+    source: Annotated[Path, typer.Argument(metavar="BUILDING|MAP", help="Where it leads through.")],
+    start: Annotated[str, typer.Argument(metavar="FROM", help="NAME, LEVEL:NAME or LEVEL:X,Y.")],
+    goal: Annotated[str, typer.Argument(metavar="TO", help="The same.")],
+    without_stairs: Annotated[
+        bool, typer.Option("--without-stairs", help="By lifts alone, no stairs or escalators.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Tell the quickest way between two places: along walked ground, from floor to floor."""
+    route = find_way(source, start, goal, stairs=not without_stairs)
+    rows = [
+        {"floor": each.level, "after": each.after, "m": round(each.length_m, 1)}
+        for each in moves_of(route)
+    ]
+    title = f"{route.length_m:.0f} m, about {route.duration_s:.0f} s"
+    print_rows(rows, title=title, as_json=as_json)

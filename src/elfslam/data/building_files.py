@@ -55,7 +55,7 @@ def read_building(folder: Path) -> Building:
             BuildingFloor(_whole(each["level"]), float(each["height_m"]))
             for each in content["floors"]
         )
-        passages = tuple(map(_passage, content["passages"]))
+        passages = tuple(map(passage_of, content["passages"]))
         return Building(str(content["name"]), floors, passages)
     except (InputError, KeyError, TypeError, ValueError, AttributeError) as cause:
         raise StoreError(f"{file}: is no building ({cause!s:.120}); map it again") from cause
@@ -73,7 +73,8 @@ def passage_facts(passage: Passage) -> dict[str, object]:
     }
 
 
-def _passage(facts: Mapping[str, Any]) -> Passage:
+def passage_of(facts: Mapping[str, Any]) -> Passage:
+    """A passage of building.json. Raises KeyError, TypeError, ValueError."""
     (from_x_m, from_y_m), (to_x_m, to_y_m) = facts["from_xy_m"], facts["to_xy_m"]
     return Passage(
         LevelPassage(facts["kind"]),

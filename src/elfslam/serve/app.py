@@ -18,7 +18,7 @@ from elfslam.serve import demonstration
 from elfslam.serve.buildings import find as buildings
 from elfslam.serve.jobs import routes as jobs
 from elfslam.serve.jobs.runner import run_jobs
-from elfslam.serve.maps import floor_plans, package, point_routes
+from elfslam.serve.maps import floor_plans, package, point_routes, ways
 from elfslam.serve.maps import routes as maps
 from elfslam.serve.page_routes import install_pages
 from elfslam.serve.parsing.children import forks
@@ -54,6 +54,7 @@ ADMITTING: tuple[APIRouter, ...] = (
     maps.router,
     floor_plans.router,
     point_routes.router,
+    ways.router,
     package.router,
     sharing.router,
 )

@@ -26,6 +26,7 @@ from elfslam.data.tiles import encoder_identity, stretches_of, tiles_of
 from elfslam.serve.buildings.files import published_manifest, published_part
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
 from elfslam.serve.maps.point_routes import points_of
+from elfslam.serve.maps.ways import floors_of
 from elfslam.serve.network.authority import fingerprint, sign, signing_key, spki_of
 from elfslam.serve.people.access import not_found
 from elfslam.serve.receiving.completing import scratch
@@ -58,7 +59,7 @@ class Sources:
     floor_plan: Json | None
     parameters: Json
     place: Json = field(default_factory=dict)
-    """The venue and the floor, where they are known."""
+    """The venue and the floor, where they are known, and of a building what joins its floors."""
     points_of_interest: Sequence[PointOfInterest] = ()
 
     @property
@@ -91,9 +92,21 @@ def sources_of(session: Session, found: Map, settings: ServerSettings) -> Source
     rows = session.query(MapFile).filter_by(map_id=found.id)
     files = {row.name: Blob(row.sha256, row.size_bytes) for row in rows}
     place = {"venue": found.venue, "floor": found.floor}
-    known = {name: told for name, told in place.items() if told is not None}
+    known: Json = {name: told for name, told in place.items() if told is not None}
+    if "level" in found.facts:
+        known |= _joined(session, found)
     points = points_of(session, settings, found.id)
     return Sources(found.name, files, found.floor_plan, phone_parameters(), known, points)
+
+
+def _joined(session: Session, found: Map) -> Json:
+    """The level of a map, the passages that touch it, and its owner's maps of the other floors."""
+    floors = floors_of(session, Principal(found.user_id), found)
+    others = [
+        {"level": each.facts["level"], "map": each.id} for each in floors if each is not found
+    ]
+    passages = found.facts.get("passages", [])
+    return {"level": found.facts["level"], "passages": passages, "floors": others}
 
 
 def phone_parameters(groups: Collection[str] = GROUPS) -> Json:

@@ -7,7 +7,8 @@ import { decideBySteps, decideByWindows } from "../../../../src/elfslam/serve/pa
 import {
   SIGMAS, ellipseOf, placeSpoken, radiusOf, within, wordsOf,
 } from "../../../../src/elfslam/serve/pages/phone/locating/words.js";
-import { joins, thinned } from "../../../../src/elfslam/serve/pages/phone/locating/walked_ground.js";
+import { joins } from "../../../../src/elfslam/serve/pages/phone/locating/walked_ground.js";
+import { thinned } from "../../../../src/elfslam/serve/pages/stages/ways.js";
 import {
   LOST, NOTHING_NEAR, NO_POSITION, REFUSED, floorsNear, offersOf, questionOf, rowsOf, venuesOf,
 } from "../../../../src/elfslam/serve/pages/phone/locating/choosing.js";

@@ -3,7 +3,7 @@
 import { NO_ANSWER, Problem, problemOf } from "../shared/api.js";
 import { t } from "../shared/words.js";
 import { pinnedKey } from "./store.js";
-import { spotsOf } from "./tiles.js";
+import { numbersOf, spotsOf } from "./tiles.js";
 
 const MAP = "map/";
 const PART = "part/";
@@ -14,7 +14,8 @@ const MOST_WAITS = 20;
  * @typedef {Signed & {spki: Uint8Array<ArrayBuffer>}} Kept a signed manifest and the key
  *   that signed it
  * @typedef {{map: string, name: string, venue: string | null, floor: string | null, revision: number, madeUtc: string,
- *   spots: number, sizeBytes: number, isOnPlan: boolean}} Held isOnPlan: a floor plan came with it, and lies in place
+ *   spots: number, sizeBytes: number, isOnPlan: boolean, floors: OtherFloor[]}} Held isOnPlan: a floor plan came with
+ *   it, and lies in place; floors: the others of its building
  * @typedef {{revision: number, changed: boolean, parts: number, fetchedParts: number, fetchedBytes: number,
  *   sizeBytes: number}} Updated
  * @typedef {{doneBytes: number, totalBytes: number}} Progress of what has to be fetched
@@ -24,6 +25,7 @@ const MOST_WAITS = 20;
  *   list: () => Promise<Held[]>,
  *   update: (mapId: string, onProgress?: (progress: Progress) => void) => Promise<Updated>,
  *   open: (mapId: string) => Promise<Opened>,
+ *   ground: (mapId: string) => Promise<WalkedFloor | null>,
  *   remove: (mapId: string) => Promise<void>,
  * }} Packages all raise Problem with one line for people
  */
@@ -34,6 +36,7 @@ export function openPackages(store, ask = askServer) {
     list: () => list(store),
     update: (mapId, onProgress = () => {}) => store.alone(() => update(store, ask, mapId, onProgress)),
     open: (mapId) => opened(store, MAP + mapId, PART, mapId),
+    ground: (mapId) => ground(store, mapId),
     remove: (mapId) => store.alone(() => remove(store, mapId)),
   };
 }
@@ -51,6 +54,7 @@ async function list(store) {
     spots: told.tiles.reduce((sum, tile) => sum + tile.spots, 0),
     sizeBytes: sizeOf(partsOf(told)),
     isOnPlan: Boolean(told.floor_plan?.placement),
+    floors: told.floors ?? [],
   }));
 }
 
@@ -198,7 +202,9 @@ function noAnswer() {
  *   floorPlan: null | {bytes: Uint8Array<ArrayBuffer>, type: string, widthPx: number, heightPx: number,
  *     placement: Plan["placement"]},
  *   pointsOfInterest: import("../shared/map/points_of_interest.js").PointOfInterest[],
- * }} Facts
+ *   level: number, passages: import("../stages/ways.js").Passage[], floors: OtherFloor[],
+ * }} Facts level: 0 where no building tells it
+ * @typedef {Pick<Facts, "map" | "name" | "level" | "passages" | "pointsOfInterest"> & {xyM: Float32Array}} WalkedFloor
  * @typedef {{floorMap: FloorMap, encoderBytes: Uint8Array<ArrayBuffer>, facts: Facts}} Opened
  */
 
@@ -242,9 +248,30 @@ async function readAll(store, prefix, manifest) {
     spots: spots.headingRad.length,
     tiles: manifest.tiles.map(({ square, spots: count }) => ({ square, spots: count })),
     floorPlan: manifest.floor_plan ? await planOf(manifest.floor_plan, bytesOf) : null,
-    pointsOfInterest: manifest.points_of_interest ?? [],
+    ...joinedBy(manifest),
   };
   return { floorMap, encoderBytes: await bytesOf(manifest.encoder), facts };
+}
+
+/** What ways need of a floor; null where it is not on this phone, or not whole. @param {Store} store @param {string} mapId
+ * @returns {Promise<WalkedFloor | null>} */
+async function ground(store, mapId) {
+  /** @type {Kept | undefined} */
+  const kept = await store.read(MAP + mapId);
+  if (kept === undefined) return null;
+  try {
+    const manifest = await verified(kept, kept.spki, mapId);
+    const tiles = [];
+    for (const { sha256 } of manifest.tiles) tiles.push(await wholePart(store, PART + sha256, sha256));
+    return { map: mapId, name: manifest.name, xyM: numbersOf(tiles).xyM, ...joinedBy(manifest) };
+  } catch {
+    return null; // ways lead over the other floors alone
+  }
+}
+
+/** @param {Manifest} manifest */
+function joinedBy({ level = 0, passages = [], floors = [], points_of_interest: pointsOfInterest = [] }) {
+  return { level, passages, floors, pointsOfInterest };
 }
 
 /** @param {Plan} plan @param {(part: Part) => Promise<Uint8Array<ArrayBuffer>>} bytesOf */
@@ -278,7 +305,9 @@ const SIGNING = { name: "ECDSA", hash: "SHA-256" };
  *   encoder: Part & {identity: string}, parameters: import("../stages/floor_map.js").MapParameters,
  *   tiles: (Part & {spots: number, square: [number, number]})[], features: (Part & {spots: number, walk: number})[],
  *   floor_plan?: Plan, points_of_interest?: import("../shared/map/points_of_interest.js").PointOfInterest[],
+ *   level?: number, passages?: import("../stages/ways.js").Passage[], floors?: OtherFloor[],
  * }} Manifest
+ * @typedef {{level: number, map: string}} OtherFloor another map of the building
  * @typedef {Part & {type: string, width_px: number, height_px: number,
  *   placement: import("../shared/map/placement.js").Placement | null}} Plan
  * @typedef {{manifest: string, signature: string}} Signed the exact text, and base64 of r and s

@@ -31,9 +31,17 @@ const NO_FEATURES = t("Spots of the map have no features.");
  * @param {Uint8Array<ArrayBuffer>[]} tiles @param {Stretch[]} stretches @returns {Spots}
  */
 export function spotsOf(tiles, stretches) {
+  const numbers = numbersOf(tiles);
+  const spots = { ...numbers, vectors: new Float32Array(ELF_SIZE * numbers.headingRad.length) };
+  fillFeatures(spots, stretches);
+  return spots;
+}
+
+/** The same without features. @param {Uint8Array<ArrayBuffer>[]} tiles @returns {Omit<Spots, "vectors">} */
+export function numbersOf(tiles) {
   const counts = tiles.map((tile) => countOf(tile, TILE_SPOT_BYTES));
   const total = counts.reduce((sum, count) => sum + count, 0);
-  const spots = /** @type {Spots} */ ({ vectors: new Float32Array(ELF_SIZE * total) });
+  const spots = /** @type {Omit<Spots, "vectors">} */ ({});
   for (const [name, width] of WHOLE) spots[name] = new Uint32Array(width * total);
   for (const [name, width] of NUMBERS) spots[name] = new Float32Array(width * total);
   let first = 0;
@@ -41,11 +49,10 @@ export function spotsOf(tiles, stretches) {
     fill(spots, first, aligned(tile), counts[k]);
     first += counts[k];
   });
-  fillFeatures(spots, stretches);
   return spots;
 }
 
-/** @param {Spots} spots @param {number} first @param {Uint8Array<ArrayBuffer>} tile @param {number} count */
+/** @param {Omit<Spots, "vectors">} spots @param {number} first @param {Uint8Array<ArrayBuffer>} tile @param {number} count */
 function fill(spots, first, tile, count) {
   let at = tile.byteOffset + HEAD_BYTES;
   for (const [name, width] of [...WHOLE, ...NUMBERS]) {

@@ -7,6 +7,7 @@ import { inSentence, t } from "../../shared/words.js";
 import { openLinks } from "../guest.js";
 import { at, showView } from "../view.js";
 import { askRemove, isGetting, showMaps, showMapsTrouble, showOffline, showProgress } from "./place_view.js";
+import { floorName } from "./words.js";
 
 const AGAIN_MS = 20_000;
 const NO_SERVER = t("The server does not answer. The maps on this phone work without it.");
@@ -63,10 +64,13 @@ export function makeChoosing({ act, chosen, paired }) {
     show(rowsOf(kept, offered), does);
   }
 
-  /** @param {MapRow} row @param {Packages} packages */
+  /** With the other floors of its building, for ways lead over them. @param {MapRow} row @param {Packages} packages */
   async function get({ id }, packages) {
+    const show = (/** @type {import("../../keeping/packages.js").Progress} */ progress) => showProgress(id, progress);
     try {
-      await packages.update(id, (progress) => showProgress(id, progress));
+      await packages.update(id, show);
+      const floors = (await packages.list()).find(({ map }) => map === id)?.floors ?? [];
+      for (const { map } of floors) await packages.update(map, show).catch(passOverMissing);
     } finally {
       showProgress(id, null);
     }
@@ -143,6 +147,11 @@ async function revisionOf(id) {
     if (/** @type {import("../../shared/api.js").Problem} */ (error).status === 404) return null;
     throw error;
   }
+}
+
+/** A floor may be shared with somebody and another not. @param {Problem} error */
+function passOverMissing(error) {
+  if (error.status !== 404) throw error;
 }
 
 // The maps to choose from: those on this phone, and those of the server, by venue and floor. Pure.
@@ -271,11 +280,6 @@ function floorsOf({ candidates }) {
     const name = floorName(floor);
     return { id: map, name: `${building}, ${inSentence(name)}`, revision, venue: building, floor: name };
   });
-}
-
-/** As maps on floors of published buildings tell it. @param {number} level */
-function floorName(level) {
-  return level === 0 ? t("Ground floor") : t("Floor {{level}}", { level });
 }
 
 /** @param {Geolocation | undefined} geolocation @returns {Promise<GeolocationPosition>} */

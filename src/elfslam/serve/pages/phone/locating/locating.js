@@ -3,7 +3,8 @@
 import { loadPlanImage } from "../../shared/map/ground.js";
 import { KIND_WORDS } from "../../shared/map/points_of_interest.js";
 import { byName } from "../../shared/places.js";
-import { t } from "../../shared/words.js";
+import { inSentence, t } from "../../shared/words.js";
+import { wayFrom, wayGraphOf, waysTo, withoutSteps } from "../../stages/ways.js";
 import { stayAwake } from "../devices.js";
 import { at, make, showView } from "../view.js";
 import { makeChoosing } from "./choosing.js";
@@ -11,8 +12,8 @@ import { startPlacing } from "./place.js";
 import { NO_TRAIL, mountPlaceMap, withFix } from "./place_map.js";
 import { offerFixes, showMap, showPlaceFacts, showRunning, showWords, speak, speakPlace } from "./place_view.js";
 import { makeConsent, offerDeletion } from "./position_publisher.js";
-import { pointsOf, walkedGroundOf, wayFrom, wayWords, waysTo } from "./walked_ground.js";
-import { READYING, STOPPED, WAITING, wordsOf } from "./words.js";
+import { floorWayWords, pointsOf, wayWords } from "./walked_ground.js";
+import { READYING, STOPPED, WAITING, floorName, theFloor, wordsOf } from "./words.js";
 
 /**
  * What the view knows.
@@ -39,15 +40,22 @@ export function makeLocating({ devices, act, problem, paired }) {
   offerDeletion({ act });
   const choosing = makeChoosing({ act, chosen: open, paired });
 
-  /** @param {import("./choosing.js").MapRow} row @param {import("../../keeping/packages.js").Packages} packages */
-  async function open(row, packages) {
+  /**
+   * @param {{id: string, name: string}} row @param {import("../../keeping/packages.js").Packages} packages
+   * @param {Goal | null} [goal] where somebody goes who comes from another floor
+   */
+  async function open(row, packages, goal = null) {
+    stop();
     const opening = devices(); // before anything is waited for: it needs the tap
     opening.catch(() => {});
     here.kept = await packages.open(row.id);
     here.map?.leave();
     here.map = mountPlaceMap(here.kept.floorMap, row.name, { say: () => speakPlace(here.trail.fix, mode(), here.ways?.words() ?? "") });
     const { floorMap, facts } = here.kept;
-    here.ways = offerWays(floorMap, facts.pointsOfInterest, here.map.setWay);
+    const others = (await Promise.all(facts.floors.map(({ map }) => packages.ground(map)))).filter((each) => each !== null);
+    const goOn = (/** @type {{map: string, name: string}} */ { map: id, name }, /** @type {Goal} */ wanted) =>
+      act(() => open({ id, name }, packages, wanted))();
+    here.ways = offerWays([{ ...facts, xyM: floorMap.xyM }, ...others], goal, here.map.setWay, goOn);
     here.map.setPoints(facts.pointsOfInterest);
     showMap(row.name, here.map.stage);
     showRunning(false);
@@ -247,45 +255,77 @@ function rowOf({ tS, xyM, headingRad, covarianceM2, status }, zeroS) {
   return `${[(tS - zeroS).toFixed(6), ...cells, status].join()}\n`;
 }
 
-// The way to a room, a door or another named place of the map that the walker is in.
+// The way to a room, a door or another named place, on the floor that the walker is on or on another of its building.
 
 /** @typedef {import("../../shared/map/points_of_interest.js").PointOfInterest} PointOfInterest */
+/** @typedef {import("../../keeping/packages.js").WalkedFloor} WalkedFloor */
+/** @typedef {{floor: WalkedFloor, point: PointOfInterest}} Goal */
 
 /**
- * Offers the named places of a map.
- * @param {{xyM: Float32Array}} floorMap @param {PointOfInterest[]} points
+ * Offers the named places of a building.
+ * @param {WalkedFloor[]} floors on this phone, that of the open map first @param {Goal | null} coming already chosen
  * @param {(goal: PointOfInterest | null, line: import("../../shared/map/projection.js").Point[]) => void} show on the map
+ * @param {(floor: WalkedFloor, goal: Goal) => void} goOn the walker is on another floor now
  */
-function offerWays(floorMap, points, show) {
-  const sorted = [...points].sort((one, other) => byName(one.name, other.name));
-  /** @type {ReturnType<typeof walkedGroundOf> | null} */
-  let ground = null;
-  /** @type {{goal: PointOfInterest, ways: import("./walked_ground.js").Ways} | null} */
+function offerWays(floors, coming, show, goOn) {
+  const [here] = floors;
+  const goals = goalsOf(floors);
+  const passages = floors.flatMap((floor) => floor.passages);
+  const once = [...new Map(passages.map((each) => [JSON.stringify(each), each])).values()];
+  /** @type {{goal: Goal, ways: import("../../stages/ways.js").Ways} | null} */
   let wanted = null;
   /** @type {Fix | null} */
   let latest = null;
   let said = "";
   const choice = /** @type {HTMLSelectElement} */ (at("way-to"));
-  at("way").hidden = sorted.length === 0;
+  const stepless = /** @type {HTMLInputElement} */ (at("way-stepless"));
+  at("way").hidden = goals.length === 0;
+  at("way-steps").hidden = once.length === withoutSteps(once).length;
   choice.replaceChildren(make("option", { value: "" }, [t("nowhere")]),
-    ...sorted.map(({ name, kind }, k) => make("option", { value: String(k) }, [`${name} (${KIND_WORDS[kind] ?? kind})`])));
-  choice.onchange = () => {
-    const goal = choice.value === "" ? null : sorted[Number(choice.value)];
-    ground ??= walkedGroundOf(pointsOf(floorMap.xyM));
-    wanted = goal && { goal, ways: waysTo(ground, [goal.x_m, goal.y_m]) };
+    ...goals.map((goal, k) => make("option", { value: String(k) }, [goalWords(goal, floors.length > 1)])));
+  choice.onchange = stepless.onchange = () => {
+    const goal = choice.value === "" ? null : goals[Number(choice.value)];
+    wanted = goal && { goal, ways: waysTo(graph(), { level: goal.floor.level, xy_m: [goal.point.x_m, goal.point.y_m] }) };
     tell();
   };
 
-  function tell() {
-    const from_m = latest?.status === "OK" ? latest.xyM : null;
-    const way = wanted && from_m ? wayFrom(wanted.ways, from_m) : null;
-    said = wanted ? wayWords(wanted.goal.name, latest, way, wanted.ways.goal_m) : "";
-    show(wanted?.goal ?? null, way?.line ?? []);
-    at("way-words").textContent = said;
-    at("way-words").hidden = wanted === null;
+  function graph() {
+    const walked = floors.map(({ level, xyM }) => ({ level, points: pointsOf(xyM) }));
+    return wayGraphOf(walked, stepless.checked ? withoutSteps(once) : once);
   }
 
-  tell();
+  function tell() {
+    const from_m = latest?.status === "OK" ? latest.xyM : null;
+    const way = wanted && from_m ? wayFrom(wanted.ways, { level: here.level, xy_m: from_m }) : null;
+    said = wanted ? words(wanted.goal, way, wanted.ways.goal.xy_m) : "";
+    show(wanted?.goal.floor === here ? wanted.goal.point : null, way?.legs[0].line ?? []);
+    at("way-words").textContent = said;
+    at("way-words").hidden = wanted === null;
+    offerNext(way);
+  }
+
+  /** @param {Goal} goal @param {import("../../stages/ways.js").Way | null} way @param {[number, number]} goal_m */
+  function words({ floor, point }, way, goal_m) {
+    const isHere = way ? way.legs.length === 1 : floor === here;
+    return isHere ? wayWords(point.name, latest, way, goal_m)
+      : floorWayWords(point.name, floor.level, latest, way, stepless.checked);
+  }
+
+  /** Once the way leaves this floor, or before it is known where. @param {import("../../stages/ways.js").Way | null} way */
+  function offerNext(way) {
+    const level = way ? way.legs[1]?.level : wanted?.goal.floor.level;
+    const next = floors.find((floor) => floor !== here && floor.level === level);
+    const button = at("way-next");
+    button.hidden = !next;
+    if (!next) return;
+    const words = t("I am on {{floor}} now", { floor: theFloor(next.level) });
+    if (button.textContent !== words) button.textContent = words;
+    button.onclick = () => wanted && goOn(next, wanted.goal);
+  }
+
+  const kept = goals.findIndex(({ floor, point }) => floor.map === coming?.floor.map && point.name === coming.point.name);
+  if (kept >= 0) choice.value = String(kept);
+  choice.dispatchEvent(new Event("change"));
   return {
     /** @returns {string} "" where nobody asks */
     words: () => said,
@@ -295,4 +335,16 @@ function offerWays(floorMap, points, show) {
       tell();
     },
   };
+}
+
+/** Those of the first floor first. @param {WalkedFloor[]} floors @returns {Goal[]} */
+function goalsOf(floors) {
+  return floors.flatMap((floor) => [...floor.pointsOfInterest].sort((one, other) => byName(one.name, other.name))
+    .map((point) => ({ floor, point })));
+}
+
+/** @param {Goal} goal @param {boolean} isOfSeveral floors */
+function goalWords({ floor, point }, isOfSeveral) {
+  const kind = KIND_WORDS[point.kind] ?? point.kind;
+  return `${point.name} (${isOfSeveral ? `${kind}, ${inSentence(floorName(floor.level))}` : kind})`;
 }

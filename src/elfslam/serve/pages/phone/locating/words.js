@@ -1,7 +1,7 @@
 /** What a fix says, in words. Pure. */
 
 import { formatNumber } from "../../shared/format.js";
-import { t, translated } from "../../shared/words.js";
+import { inSentence, t, translated } from "../../shared/words.js";
 
 /** @typedef {"OK" | "AMBIGUOUS" | "UNKNOWN_PLACE" | "NO_ECHO" | "SUSPECT"} Status */
 /**
@@ -94,6 +94,16 @@ export function placeSpoken({ xyM, headingRad }) {
 /** A direction on the map, whose x runs to the east. @param {number} headingRad */
 export function mapTowards(headingRad) {
   return POINTS[((Math.round((4 * headingRad) / Math.PI) % 8) + 8) % 8];
+}
+
+/** What a floor is called whose map does not say. @param {number} level 0 at the entrance */
+export function floorName(level) {
+  return level === 0 ? t("Ground floor") : t("Floor {{level}}", { level });
+}
+
+/** The same as where somebody goes. @param {number} level */
+export function theFloor(level) {
+  return level === 0 ? t("the ground floor") : inSentence(floorName(level));
 }
 
 // How sure a fix is, as an ellipse and as a radius. Pure.
