@@ -14,6 +14,7 @@ import numpy as np
 
 from elfslam.app.settings import Settings
 from elfslam.base.enums import Mode
+from elfslam.base.errors import InputError
 from elfslam.base.values import (
     NO_CLOSURES,
     Closures,
@@ -50,7 +51,7 @@ FEATURES = (ELF, PLAIN)
 CORRECTED, UNCORRECTED = "corrected", "uncorrected"
 WALKED = "dead reckoning"
 KEPT, FALSE, OVER_NOISE = "closures kept", "false closures kept", "echo over noise (dB)"
-ANSWERED = "answered"
+FOUND, ANSWERED = "chirps found", "answered"
 
 
 @dataclass(frozen=True)
@@ -95,47 +96,57 @@ def measure_noisy_phones(
 ) -> list[Record]:
     """Errors and closures of maps by phone (the condition), and fixes by phone and whose map.
 
-    The first of the phones is the quiet one, in whose maps all are located.
+    The first of the phones is the quiet one, in whose maps all are located. Numbers of maps are
+    of those walks in which chirps are found at all; all rooms are taken together.
     """
     rooms = [
         Room(world, seed, kind.name, tuple(phones), rounds) for world in worlds for seed in seeds
     ]
-    return averaged(finished(_measured, rooms, context), seeds)
+    together = " and ".join(worlds)
+    walks = finished(_measured, rooms, context)
+    return averaged([[replace(each, world=together) for each in walk] for walk in walks], seeds)
 
 
 def _measured(room: Room) -> list[Record]:
     walks = {phone: _walked(room, phone) for phone in room.phones}
-    maps = {phone: _maps(walk) for phone, walk in walks.items()}
+    maps = {phone: _maps(walk) for phone, walk in walks.items() if walk is not None}
     records: list[Record] = []
-    for phone in room.phones:
-        records += record_of(room, WALKED, phone).each(_walk_numbers(walks[phone]))
-        for method, mapped in maps[phone].items():
+    for phone, walk in walks.items():
+        records += record_of(room, WALKED, phone).each(_walk_numbers(walk))
+        for method, mapped in maps.get(phone, {}).items():
             records += record_of(room, method, phone).each(_map_numbers(mapped))
         query = _query(room, phone)
         for mapper in dict.fromkeys((room.phones[0], phone)):
             whose = "its own map" if mapper == phone else f"the map by {mapper}"
-            for method, numbers in _fixes(maps[mapper], query):
+            for method, numbers in _fixes(maps.get(mapper, {}), query):
                 records += record_of(room, method, f"{phone} in {whose}").each(numbers)
     return records
 
 
-def _walked(room: Room, phone: str) -> Walked:
-    """Who maps: from a known start, with steps of known length."""
+def _walked(room: Room, phone: str) -> Walked | None:
+    """Who maps: from a known start, with steps of known length. None where no chirp is found."""
     world, kind = load_world(room.world), kind_named(room.kind)
     today = replace(kind.mapping(world.room), device=phone)
     recording, truth = simulate(
         world, room.seed, rounds=room.rounds, walker=kind.walker, circumstances=today
     )
     settings = walkers(room.seed, kind)[CALIBRATED]
-    echoes = extract_echoes(recording, settings)
+    try:
+        echoes = extract_echoes(recording, settings)
+    except InputError:
+        return None
     nodes = dead_reckoning_nodes(at_its_start(recording, truth), settings)
     return Walked(apply_acoustic_scale(nodes, echoes, settings), echoes, settings, truth)
 
 
-def _query(room: Room, phone: str) -> Stranger:
+def _query(room: Room, phone: str) -> Stranger | None:
+    """Who is located days later, where chirps are found."""
     world, kind = load_world(room.world), kind_named(room.kind)
     later = replace(kind.asking(world.room), device=phone)
-    return stranger(world, room.seed, QUERY_ROUNDS, circumstances=later, kind=kind)
+    try:
+        return stranger(world, room.seed, QUERY_ROUNDS, circumstances=later, kind=kind)
+    except InputError:
+        return None
 
 
 def _maps(walk: Walked) -> dict[str, Mapped]:
@@ -164,9 +175,11 @@ def _solved(walk: Walked, closures: Closures) -> Trajectory:
     return optimise(build_graph(walk.nodes, closures), walk.nodes.t_s, walk.settings.graph)
 
 
-def _walk_numbers(walk: Walked) -> dict[str, float]:
+def _walk_numbers(walk: Walked | None) -> dict[str, float]:
+    if walk is None:
+        return {FOUND: 0.0}
     reckoned_m = median_aligned_m(_solved(walk, NO_CLOSURES), walk.truth)
-    return {MEDIAN_ALIGNED: reckoned_m, OVER_NOISE: walk.echoes.over_noise_db}
+    return {FOUND: 1.0, MEDIAN_ALIGNED: reckoned_m, OVER_NOISE: walk.echoes.over_noise_db}
 
 
 def _map_numbers(mapped: Mapped) -> dict[str, float]:
@@ -177,8 +190,16 @@ def _map_numbers(mapped: Mapped) -> dict[str, float]:
     return {MEDIAN_ALIGNED: error_m, KEPT: len(right), FALSE: float(np.sum(~right))}
 
 
-def _fixes(maps: Mapping[str, Mapped], query: Stranger) -> Iterator[tuple[str, dict[str, float]]]:
-    """By the particle filter: with thresholds by the ELF, every footstep by each feature."""
+def _fixes(
+    maps: Mapping[str, Mapped], query: Stranger | None
+) -> Iterator[tuple[str, dict[str, float]]]:
+    """By the particle filter: with thresholds by the ELF, every footstep by each feature.
+
+    No footstep is answered where chirps were not found, neither then nor by who mapped.
+    """
+    if query is None or not maps:
+        yield ELF, {ANSWERED: 0.0}
+        return
     for feature, encoder in _encoders():
         mapped = maps[f"{feature}, {CORRECTED}"]
         asked = replace(query, features=extract_features(query.echoes, encoder))

@@ -14,6 +14,7 @@ from studies.noisy_phones import (
     ANSWERED,
     CORRECTED,
     FALSE,
+    FOUND,
     KEPT,
     OVER_NOISE,
     PHONES,
@@ -22,7 +23,9 @@ from studies.noisy_phones import (
     WALKED,
     Mapped,
     Walked,
+    _fixes,
     _map_numbers,
+    _walk_numbers,
     measure_noisy_phones,
 )
 from studies.plain_features import ELF, PLAIN
@@ -59,6 +62,11 @@ def test_a_closure_that_was_dropped_counts_as_none_and_one_of_two_places_as_fals
     found = _map_numbers(Mapped(walk, features, closures, trajectory))
     assert (found[KEPT], found[FALSE]) == (2, 1)
     assert found[MEDIAN_ALIGNED] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_phone_in_which_no_chirp_is_found_maps_nothing_and_is_nowhere() -> None:
+    assert _walk_numbers(None) == {FOUND: 0.0}
+    assert list(_fixes({}, None)) == [(ELF, {ANSWERED: 0.0})]
 
 
 def test_the_correction_gives_a_noisy_phone_closures_and_a_quiet_one_nothing(
