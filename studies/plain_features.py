@@ -72,8 +72,15 @@ def compared_encoders() -> Mapping[str, Encoder]:
 
 
 def closing_by(feature: str, settings: Settings) -> ClosureParameters:
-    """What counts as a loop closure by this feature."""
-    return replace(settings.closure, threshold=CLOSURE_THRESHOLDS[feature])
+    """What counts as a loop closure by this feature.
+
+    What a unit of its score is worth grows as its scores are small.
+    """
+    known, share = settings.closure, CLOSURE_THRESHOLDS[feature] / CLOSURE_THRESHOLDS[ELF]
+    return replace(
+        known, threshold=CLOSURE_THRESHOLDS[feature],
+        score_evidence=known.score_evidence / share, sigma_fall=known.sigma_fall / share,
+    )  # fmt: skip
 
 
 def tracking_by(feature: str, settings: Settings) -> TrackParameters:

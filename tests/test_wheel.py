@@ -17,7 +17,7 @@ from elfslam.world.world_file import load_world
 
 pytestmark = pytest.mark.real
 ROOT = Path(__file__).resolve().parents[1]
-LARGEST_MB = 9.0
+LARGEST_MB = 12.5
 
 
 def run(*command: object, cwd: Path | None = None) -> str:

@@ -13,16 +13,28 @@ import pytest
 from PIL import Image
 
 from elfslam.app import anchor
+from elfslam.base.building import Building, BuildingFloor, Passage
 from elfslam.base.errors import InputError, NoAnswerError, StoreError
 from elfslam.base.geometry import chain, inverse
-from elfslam.base.grid import FloorGrid, walked_grid
-from elfslam.base.values import NO_CLOSURES, FloorMap, MeanSimilarity, Odometry, Run, Trajectory
+from elfslam.base.grid import FloorGrid, outlines, walked_grid
+from elfslam.base.values import (
+    NO_CLOSURES,
+    FloorMap,
+    LevelPassage,
+    MeanSimilarity,
+    Odometry,
+    Run,
+    Trajectory,
+)
+from elfslam.cli import app as command
+from elfslam.data.building_files import floor_folder, read_building, write_building
 from elfslam.data.geographic import Origin, from_lon_lat
 from elfslam.data.map_exports import feature, polygon_of
 from elfslam.data.map_files import read_map, write_map
 from elfslam.data.runs import write_run
 from elfslam.stages.floor_plan_alignment import (
     AMBIGUOUS,
+    NOWHERE,
     OK,
     AnchoringParameters,
     Placement,
@@ -218,4 +230,74 @@ def test_a_walk_that_fits_in_several_ways_needs_its_start_said(run: Run, tmp_pat
         anchor.follow_into(
             tmp_path / "out", tmp_path / "run", anchor.Plan(HALL), (quick, FOLLOW_KNOWN), None
         )
+    assert not (tmp_path / "out").exists()
+
+
+UPSTAIRS = np.array([[1, 1], [1, 8], [4, 8], [4, 3], [11, 3.0]])
+
+
+def spots(line_m: np.ndarray) -> FloorMap:
+    xy_m = placed(line_m, inverse(PLAN_FROM_MAP), 1.0)
+    dense = np.concatenate([np.linspace(a, b, 20) for a, b in itertools.pairwise(xy_m)])
+    count = len(dense)
+    covariance = np.tile(np.eye(2) * 0.01, (count, 1, 1))
+    zero = np.zeros(count, dtype=int)
+    return FloorMap(dense, np.zeros(count), zero, np.arange(count), covariance, (), "", ("a",))
+
+
+def tower(folder: Path) -> Path:
+    """Two floors in one frame, and stairs at the end of the lower one."""
+    stairs_m = placed(WALK[-1:], inverse(PLAN_FROM_MAP), 1.0)[0].tolist()
+    stairs = Passage(LevelPassage.STAIRS, 0, 1, tuple(stairs_m), tuple(stairs_m), 20.0)
+    folder.mkdir()
+    write_building(
+        Building("tower", (BuildingFloor(0, 0.0), BuildingFloor(1, 3.5)), (stairs,)), folder
+    )
+    for level, line_m in enumerate([WALK, UPSTAIRS]):
+        floor_folder(folder, level).mkdir(parents=True)
+        write_map(spots(line_m), floor_folder(folder, level) / "map.npz")
+    return folder
+
+
+def plan_of(file: Path, *lines_m: np.ndarray) -> str:
+    """Corridors about a line on each level, as Simple Indoor Tagging has them."""
+    corridors = [
+        (level, ring)
+        for level, line_m in enumerate(lines_m)
+        for ring in outlines(walked_grid([line_m], 0.7, 0.1))
+    ]
+    features = [
+        {
+            "type": "Feature",
+            "properties": {"level": str(level)},
+            "geometry": {
+                "type": "Polygon",
+                "coordinates": [[*part.tolist(), part[0].tolist()] for part in ring],
+            },
+        }
+        for level, ring in corridors
+    ]
+    file.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    return str(file)
+
+
+def test_all_floors_of_a_building_are_laid_on_the_levels_of_a_plan_at_once(
+    tmp_path: Path,
+) -> None:
+    plan = plan_of(tmp_path / "plan.geojson", WALK, UPSTAIRS)
+    out = tmp_path / "out"
+    assert command.run(["anchor", str(tower(tmp_path / "tower")), plan, str(out)]) == 0
+    for level, line_m in enumerate([WALK, UPSTAIRS]):
+        there = read_map(floor_folder(out, level))
+        truth = placed(spots(line_m).xy_m, PLAN_FROM_MAP, 1.0)
+        assert np.linalg.norm(there.xy_m - truth, axis=1).max() < 0.4
+    (stairs,) = read_building(out).passages
+    npt.assert_allclose(stairs.from_xy_m, WALK[-1], atol=0.4)
+
+
+def test_a_building_whose_other_floor_leaves_its_ground_is_not_laid(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path / "plan.geojson", WALK, WALK[:3])
+    building = tower(tmp_path / "tower")
+    found = anchor.anchor_building_into(tmp_path / "out", building, plan, KNOWN, None)
+    assert found.status == NOWHERE
     assert not (tmp_path / "out").exists()

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import zipfile
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +16,7 @@ import pytest
 from elfslam.base.errors import InputError
 from elfslam.data.floor_plans import read_plan_geojson
 from elfslam.data.geographic import Origin
+from elfslam.data.imdf import Venue, WalkedLevel, write_imdf
 from elfslam.data.map_exports import feature, polygon_of
 from elfslam.data.plan_geojson import LevelError, PlanShapes, read_plan_shapes
 from elfslam.data.plan_pictures import drawn_picture
@@ -216,3 +220,35 @@ def test_levels_of_one_file_lie_in_one_frame(tmp_path: Path) -> None:
     low, high = (read_plan_shapes(file, level=level) for level in ("0", "1"))
     assert low.origin == high.origin
     npt.assert_allclose(high.ground[0][0] - low.ground[0][0], [[10, 0]] * 4, atol=0.02)
+
+
+def test_the_levels_of_an_archive_of_imdf_are_read_by_their_ordinals(tmp_path: Path) -> None:
+    place = Venue("Tower", "hotel", "Hauptstrasse 1", "Bern", "CH", "Ground floor", 0)
+    lines_m = {0: np.array([[0.0, 0.0], [8.0, 0.0]]), 1: np.array([[3.0, 0.0], [3.0, 20.0]])}
+    levels = [
+        WalkedLevel(replace(place, ordinal=level), [line_m]) for level, line_m in lines_m.items()
+    ]
+    write_imdf(tmp_path / "tower.zip", levels, ORIGIN, datetime(2026, 1, 2, tzinfo=UTC))
+    with pytest.raises(LevelError, match="levels 0, 1"):
+        read_plan_shapes(tmp_path / "tower.zip")
+    for level, line_m in lines_m.items():
+        drawn = read_plan_shapes(tmp_path / "tower.zip", ORIGIN, str(level))
+        low, high = drawn.corners_m.min(axis=0), drawn.corners_m.max(axis=0)
+        npt.assert_allclose(low, line_m.min(axis=0) - 0.35, atol=0.1)
+        npt.assert_allclose(high, line_m.max(axis=0) + 0.35, atol=0.1)
+
+
+@pytest.mark.parametrize(
+    ("levels", "said"),
+    [(None, "has no unit.geojson"), ('{"features": []}', "cannot be read as IMDF"), ("{}", "IMDF")],
+)
+def test_an_archive_that_is_no_imdf_is_refused(
+    tmp_path: Path, levels: str | None, said: str
+) -> None:
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as packed:
+        unit = {"geometry": None, "properties": {"level_id": "a", "category": "room"}}
+        packed.writestr("unit.geojson", json.dumps({"features": [unit]}))
+        if levels is not None:
+            packed.writestr("level.geojson", levels)
+    with pytest.raises(InputError, match=said):
+        read_plan_shapes(tmp_path / "a.zip")

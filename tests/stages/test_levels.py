@@ -118,7 +118,7 @@ def test_without_a_barometer_floors_are_those_that_were_named() -> None:
     assert visited.levels.t_s.tolist() == [0, 30, 45]
     assert np.array_equal(visited.levels.level, [0, np.nan, 2], equal_nan=True)
     assert visited.levels.passages == (None, STAIRS, None)
-    assert visited.floors == (BuildingFloor(0, 0.0), BuildingFloor(2, 8.0))
+    assert visited.floors == (BuildingFloor(0, 0.0), BuildingFloor(2, 7.6))
 
 
 def test_taps_that_name_places_alone_name_no_floor() -> None:

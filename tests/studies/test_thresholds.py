@@ -32,6 +32,16 @@ def test_the_elf_closes_as_the_pipeline_does_by_itself() -> None:
     assert closing_by(ELF, Settings()) == Settings().closure
 
 
+def test_a_prior_lowers_the_threshold_of_each_feature_by_the_same_share() -> None:
+    for feature, threshold in CLOSURE_THRESHOLDS.items():
+        closing, elf = closing_by(feature, Settings()), Settings().closure
+        assert closing.threshold == threshold
+        lowered, by_elf = (4.0 / (each.score_evidence * each.threshold) for each in (closing, elf))
+        assert lowered == pytest.approx(by_elf)
+        fall, of_elf = (each.sigma_fall * each.threshold for each in (closing, elf))
+        assert fall == pytest.approx(of_elf)
+
+
 def test_closures_help_at_the_best_threshold() -> None:
     records = measure_thresholds(StudyContext(), **STUDY.fast)
     ratios = [r.value for r in records if (r.method, r.metric) == (ELF, RATIO)]

@@ -153,19 +153,21 @@ def test_each_step_of_stairs_is_a_footstep(folder: Path) -> None:
         assert np.abs(rises) == pytest.approx([STOREY_M / 2] * 2, abs=0.1)
 
 
-def test_whoever_rides_takes_no_step(folder: Path) -> None:
-    for kind, gait in (("lift", Gait.LIFT), ("escalator", Gait.RIDE)):
-        walk = gone(house(folder, kind), 104)
-        rows = moments(walk, gait).astype(int)
-        assert len(rows)
-        for a, b in rows:
-            quiet = slice(a + 600, max(b - 600, a + 601))
-            assert np.ptp(walk.motion.steps[quiet]) < 0.05
-    rides = [np.ptp(walk.motion.t_s[rows.min() : rows.max()]) for rows in (rows[:4], rows[4:])]
-    climb_m = STOREY_M / np.sin(np.deg2rad(30.0))
-    assert rides == pytest.approx(
-        [(climb_m + 7.0 - climb_m * np.cos(np.pi / 6)) / 0.5] * 2, rel=0.1
-    )
+@pytest.mark.parametrize(("kind", "gait"), [("lift", Gait.LIFT), ("escalator", Gait.RIDE)])
+def test_whoever_rides_takes_no_step(folder: Path, kind: str, gait: Gait) -> None:
+    """And an escalator goes at 0.5 m/s along its flat ends and its incline."""
+    walk = gone(house(folder, kind), 104)
+    rows = moments(walk, gait).astype(int)
+    assert len(rows) >= 2
+    for a, b in rows:
+        quiet = slice(a + 600, max(b - 600, a + 601))
+        assert np.ptp(walk.motion.steps[quiet]) < 0.05
+    if kind == "escalator":
+        incline_m = STOREY_M / np.sin(np.deg2rad(30.0))
+        flat_m = 7.0 - STOREY_M / np.tan(np.deg2rad(30.0))
+        for ride in rows.reshape(-1, 4, 2):
+            lasted_s = np.ptp(ride) / KINEMATICS_RATE_HZ
+            assert lasted_s == pytest.approx((incline_m + flat_m) / 0.5, rel=0.1)
 
 
 def test_the_accelerometer_feels_a_lift_start_and_stop(folder: Path) -> None:
@@ -224,7 +226,7 @@ def test_built_in_buildings_are_walked_as_planned(name: str, walker: str) -> Non
     assert tuple(truth.levels.level[::2]) == built_in(name).plan
     speed = np.linalg.norm(np.diff(truth.world_from_body[:, :2], axis=0), axis=1) * 50
     assert speed.max() < 2.8
-    assert np.abs(np.diff(truth.world_from_body[:, 2])).max() * 50 < 5.5
+    assert np.abs(np.diff(truth.world_from_body[:, 2])).max() * 50 < 7.0
 
 
 def test_every_floor_of_the_tower_is_furnished_differently() -> None:

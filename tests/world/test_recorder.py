@@ -22,8 +22,10 @@ from elfslam.world.recorder import (
     LATENCY_S,
     OTHER_CLOCK_PPM,
     OTHER_HEIGHT_M,
+    WorldVisit,
     _standing_place,
     port_occlusion,
+    record_visits,
     record_walk,
 )
 from elfslam.world.room import box, shoebox
@@ -131,6 +133,27 @@ def test_skew_stretches_the_stream(monkeypatch: pytest.MonkeyPatch, skew_ppm: fl
     found = arrivals(stream, 44_100, first, 4410 * stretch, 28)
     assert np.polyfit(np.arange(28), found, 1)[0] == pytest.approx(4410 * stretch, abs=0.02)
     assert len(stream) == 3 * 44_100
+
+
+# --- from world to world ---
+
+
+def test_a_walk_in_one_world_is_cut_anywhere() -> None:
+    """Two visits of it are recorded as one; in another world something else is heard."""
+    alone = Circumstances(device="flat")
+    visits = [WorldVisit(0.0, closet(), alone), WorldVisit(1.234, closet(), alone)]
+    other = replace(closet(), room=replace(closet().room, height_m=closet().room.height_m + 1.0))
+    elsewhere = [visits[0], visits[1]._replace(world=other)]
+    cut, moved = (
+        record_visits(
+            each, walker(), standing(3.0), 44_100, SEED, np.random.default_rng(SEED), lambda _: None
+        )[0].samples[0]
+        for each in (visits, elsewhere)
+    )
+    whole = recorded()
+    assert cut.tobytes() == whole.tobytes()
+    assert moved[: round(1.2 * 44_100)].tobytes() == whole[: round(1.2 * 44_100)].tobytes()
+    assert np.abs(moved - whole)[round(1.4 * 44_100) :].max() > 1e-4
 
 
 # --- a covered port ---

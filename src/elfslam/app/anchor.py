@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -11,20 +12,23 @@ import numpy as np
 
 from elfslam.app.export import map_of
 from elfslam.base.arrays import F64
+from elfslam.base.building import Building, Passage
 from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.base.geometry import compose, wrap_angle
 from elfslam.base.grid import FloorGrid, outlines, signed_area
 from elfslam.base.values import FloorMap, Run, Trajectory
 from elfslam.data.atomic_files import new_folder, refuse_occupied, settled
+from elfslam.data.building_files import floor_folder, read_building, write_building
 from elfslam.data.floor_plans import GEOJSON, IMAGES, read_plan_geojson, read_plan_image
 from elfslam.data.geographic import Origin
 from elfslam.data.map_exports import walk_lines
-from elfslam.data.map_files import ENCODER, FACTS, MAP, write_map
+from elfslam.data.map_files import ENCODER, FACTS, MAP, read_map, write_map
 from elfslam.data.position_files import write_tum
 from elfslam.data.runs import read_run
 from elfslam.scoring.figures import FloorPlan
 from elfslam.slam.parameters import Parameters
 from elfslam.stages.floor_plan_alignment import (
+    NOWHERE,
     OK,
     AnchoringParameters,
     Placement,
@@ -132,13 +136,75 @@ def anchor_into(
     placement = place_on(floor_map, plan, parameters, start_m)
     if placement.status == OK:
         with new_folder(out) as partial:
-            write_map(moved_map(floor_map, placement), partial / MAP)
-            encoder = (source if source.is_dir() else source.parent) / ENCODER
-            if encoder.is_file():
-                (partial / ENCODER).write_bytes(encoder.read_bytes())
-            told = json.dumps(described(placement, plan), indent=2)
-            (partial / ANCHOR).write_text(told + "\n", encoding="utf-8")
+            _fill_anchored(partial, source, floor_map, placement, plan)
     return placement
+
+
+def _fill_anchored(
+    folder: Path, source: Path, floor_map: FloorMap, placement: Placement, plan: Plan
+) -> None:
+    """The map in the frame of the plan, the encoder beside it, and the placement."""
+    write_map(moved_map(floor_map, placement), folder / MAP)
+    encoder = (source if source.is_dir() else source.parent) / ENCODER
+    if encoder.is_file():
+        (folder / ENCODER).write_bytes(encoder.read_bytes())
+    told = json.dumps(described(placement, plan), indent=2)
+    (folder / ANCHOR).write_text(told + "\n", encoding="utf-8")
+
+
+def anchor_building_into(
+    out: Path, source: Path, plan: str, parameters: AnchoringParameters, start_m: F64 | None
+) -> Placement:
+    """Place a building on a plan of its levels, all floors alike, and write it where that is sure.
+
+    Its floors share a frame and so do the plan's: that of the most certain placement which keeps
+    the other floors on their ground. Else the status says why nothing was written.
+    """
+    refuse_occupied(out, None)
+    building = read_building(settled(source))
+    floors = {level: read_map(floor_folder(source, level)) for level in building.levels}
+    plans = {level: read_plan(f"{plan}:{level}") for level in floors}
+    begun = {floors_first(building): start_m}
+    found = {
+        level: place_on(floors[level], plans[level], parameters, begun.get(level))
+        for level in floors
+    }
+    sure = [each for each in found.values() if each.status == OK]
+    if not sure:
+        return next(iter(found.values()))
+    off = [_off_share(each, floors, plans) for each in sure]
+    best = replace(sure[int(np.argmin(off))], off_share=min(off))
+    if best.off_share > parameters.most_off:
+        return replace(best, status=NOWHERE)
+    moved = replace(building, passages=tuple(_moved(each, best) for each in building.passages))
+    with new_folder(out) as partial:
+        write_building(moved, partial)
+        for level, floor_map in floors.items():
+            folder = floor_folder(partial, level)
+            folder.mkdir(parents=True)
+            _fill_anchored(folder, floor_folder(source, level), floor_map, best, plans[level])
+    return best
+
+
+def floors_first(building: Building) -> int:
+    """The level on which a walk began: 0, or the lowest without it."""
+    return 0 if 0 in building.levels else building.levels[0]
+
+
+def _off_share(
+    placement: Placement, floors: Mapping[int, FloorMap], plans: Mapping[int, Plan]
+) -> float:
+    """The largest share of a floor's spots that a placement puts off its ground."""
+    return max(
+        1 - float(plans[level].ground.holds(moved_map(each, placement).xy_m).mean())
+        for level, each in floors.items()
+    )
+
+
+def _moved(passage: Passage, placement: Placement) -> Passage:
+    ends_m = np.array([passage.from_xy_m, passage.to_xy_m])
+    left, reached = placed(ends_m, placement.plan_from_map, placement.scale).tolist()
+    return replace(passage, from_xy_m=tuple(left), to_xy_m=tuple(reached))
 
 
 def described(placement: Placement, plan: Plan) -> dict[str, object]:

@@ -8,7 +8,14 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from elfslam.app.anchor import Plan, Start, anchor_into, follow_into, read_plan
+from elfslam.app.anchor import (
+    Plan,
+    Start,
+    anchor_building_into,
+    anchor_into,
+    follow_into,
+    read_plan,
+)
 from elfslam.app.console import print_rows, say
 from elfslam.app.export import ExportContext, export
 from elfslam.app.settings import Settings
@@ -20,6 +27,7 @@ from elfslam.base.enums import Format
 from elfslam.base.errors import NoAnswerError, ParameterError
 from elfslam.base.parameters import load
 from elfslam.cli.options import AsJson, Force, ParameterFile, Setting
+from elfslam.data.building_files import is_building
 from elfslam.data.geographic import parse_origin
 from elfslam.data.imdf import read_place
 from elfslam.stages.floor_plan_alignment import AMBIGUOUS, NOWHERE, Placement
@@ -44,13 +52,29 @@ def anchor_command(
 ) -> None:
     """Place a map on a floor plan: where its walks keep to accessible ground."""
     settings = load(Settings(), parameter_file, setting or [])
-    where, told = read_plan(plan), _numbers(start)
+    told = _numbers(start)
+    if is_building(source):
+        if follow:
+            raise ParameterError("--follow: a building's walk cannot be followed; leave it out")
+        start_m = None if told is None else told[:2]
+        placement = anchor_building_into(out, source, plan, settings.anchoring, start_m)
+        _say_placed(placement, source, plan, out)
+        return
+    where = read_plan(plan)
     if follow:
         _follow(source, where, out, settings, told)
         return
     placement = anchor_into(
         out, source, where, settings.anchoring, None if told is None else told[:2]
     )
+    _say_placed(placement, source, plan, out)
+    if where.origin is not None:
+        lies = f"{where.origin.latitude_deg},{where.origin.longitude_deg}"
+        say(f"on the Earth: elfslam export {out} --origin {lies}")
+
+
+def _say_placed(placement: Placement, source: Path, plan: str, out: Path) -> None:
+    """Say where a map lies. Raises NoAnswerError where that is not sure."""
     if placement.status == NOWHERE:
         raise NoAnswerError(
             f"{source}: {placement.off_share:.0%} of it is off accessible ground wherever it is "
@@ -62,9 +86,6 @@ def anchor_command(
             "where the first walk began"
         )
     say(f"wrote {out}: {_told(placement)}")
-    if where.origin is not None:
-        lies = f"{where.origin.latitude_deg},{where.origin.longitude_deg}"
-        say(f"on the Earth: elfslam export {out} --origin {lies}")
 
 
 def _follow(source: Path, plan: Plan, out: Path, settings: Settings, told: F64 | None) -> None:

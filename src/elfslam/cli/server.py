@@ -79,6 +79,7 @@ def serve_command(
     from elfslam.serve.network.running import Listening, run
     from elfslam.serve.settings import ServerSettings
 
+    say("starting; after an installation this takes half a minute")
     check_on(on)
     settings = ServerSettings(
         data.expanduser(),

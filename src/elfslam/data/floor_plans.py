@@ -24,7 +24,8 @@ DRAWN = (PlanKind.PDF, PlanKind.SVG)
 """These are drawn first."""
 MOST_SIDE = 3000
 """Pixels along each side of what is made of an image."""
-GEOJSON = (".geojson", ".json")
+GEOJSON = (".geojson", ".json", ".zip")
+"""An archive of IMDF holds such."""
 DARK = 128
 """Pixels darker than this are walls."""
 CELL_M, MOST_CELLS, WALL_CELLS = 0.05, 2000, 2

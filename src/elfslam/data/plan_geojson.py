@@ -4,7 +4,8 @@ Which of both they are is told by how far the plan reaches: a floor is less than
 across, and more than a metre. Metres may be those of a country's grid (UTM, LV95): they stay.
 
 Of a plan with several levels one is read. Levels are told as in OpenStreetMap's Simple Indoor
-Tagging, `level` and `repeat_on` ("0", "-1", "0;2", "0-2"), or as in IMDF, by `level_id`.
+Tagging, `level` and `repeat_on` ("0", "-1", "0;2", "0-2"), or as in IMDF, by `level_id`. Of an
+archive of IMDF the units are read, on the ordinals of their levels.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ from elfslam.base.arrays import F64
 from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.errors import InputError
 from elfslam.base.grid import Polygon
-from elfslam.base.text_files import read_json
+from elfslam.base.text_files import parse_json, read_json
+from elfslam.base.zips import opened_zip
 from elfslam.data.geographic import Origin, from_lon_lat
 
 MOST_CORNERS = 100_000
@@ -119,8 +121,41 @@ def _in_metres(degrees: PlanShapes, origin: Origin) -> PlanShapes:
     )
 
 
+CLOSED_UNITS = ("column", "nonpublic", "opentobelow", "structure", "unenclosed.opentobelow")
+"""Categories of units that nobody walks on."""
+
+
+def _units_of(file: Path) -> dict[str, Any]:
+    """The units of an archive of IMDF as features that state their level and who may walk there."""
+    with opened_zip(file) as packed:
+        named = {path.name: entry for path, entry in packed.entries.items()}
+        if not {"unit.geojson", "level.geojson"} <= named.keys():
+            raise InputError(f"{file}: has no unit.geojson and level.geojson; is it IMDF?")
+        units, levels = (
+            parse_json(packed.text(named[f"{kind}.geojson"]), f"{file}:{kind}.geojson")["features"]
+            for kind in ("unit", "level")
+        )
+    ordinal = {each["id"]: each["properties"]["ordinal"] for each in levels}
+    told = [each["properties"] for each in units]
+    return {
+        "features": [
+            {
+                "geometry": unit["geometry"],
+                "properties": {
+                    "level": ordinal[known["level_id"]],
+                    "accessible": known["category"] not in CLOSED_UNITS,
+                },
+            }
+            for unit, known in zip(units, told, strict=True)
+        ]
+    }
+
+
 def _features(file: Path) -> list[_Feature]:
-    content = read_json(file)
+    try:
+        content = _units_of(file) if file.suffix.lower() == ".zip" else read_json(file)
+    except (KeyError, TypeError) as cause:
+        raise InputError(f"{file}: cannot be read as IMDF ({cause!r:.80}); check it") from cause
     if isinstance(content, dict) and WEB_MERCATOR.search(json.dumps(content.get("crs"))):
         raise InputError(
             f"{file}: is in Web Mercator, whose metres are longer; wanted longitude and latitude "

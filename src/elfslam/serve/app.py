@@ -14,6 +14,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 
 from elfslam import __version__
+from elfslam.serve import demonstration
 from elfslam.serve.buildings import find as buildings
 from elfslam.serve.jobs import routes as jobs
 from elfslam.serve.jobs.runner import run_jobs
@@ -45,6 +46,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     positions.router,
     positions.map_router,
     sharing.group_router,
+    demonstration.router,
 )
 """Under /api, all of them for users with a token."""
 ADMITTING: tuple[APIRouter, ...] = (

@@ -51,9 +51,11 @@ class LevelParameters:
     least_flight_m: float = parameter(0.6, "m", "lower changes are no flight", 0.1, 10.0)
     least_storey_m: float = parameter(2.0, "m", "lower changes lead to no floor", 0.5, 20.0)
     same_floor_m: float = parameter(1.2, "m", "heights nearer than this are one floor", 0.1, 20.0)
-    storey_m: float = parameter(4.0, "m", "typical storey: gaps of two are two", 2.0, 20.0)
+    storey_m: float = parameter(
+        3.8, "m", "typical storey, by which those that were not visited are counted", 2.4, 20.0
+    )
     stay_s: float = parameter(
-        20.0, "s", "span before and after a change over which heights are averaged", 1.0, 600.0
+        40.0, "s", "span before and after a change over which heights are averaged", 1.0, 600.0
     )
     least_stay_s: float = parameter(
         5.0, "s", "who goes back sooner has been on no other floor", 0.0, 600.0
@@ -280,14 +282,21 @@ def _floors(rises: Sequence[_Rise], parameters: LevelParameters) -> tuple[list[i
     return floor, np.array([np.mean(each) for each in seen_m])
 
 
+LOWEST_STOREY_M, STOREY_STEP_M = 2.4, 0.05
+GAP_SIGMA_M, STOREY_SPREAD = 0.8, 0.3
+"""How exactly gaps between floors are measured, and the spread of storeys about the typical, of
+their logarithm."""
+
+
 def _ordinals(heights_m: F64, parameters: LevelParameters) -> F64:
     """How many storeys each floor (f), from below, lies over the lowest: some were not visited."""
     gaps_m = np.diff(heights_m)
-    if not len(gaps_m):
-        return np.zeros(1)
-    least_m = gaps_m.min()
-    storey_m = least_m / max(1, round(least_m / parameters.storey_m))
-    return np.concatenate([[0], np.cumsum(np.maximum(1, np.rint(gaps_m / storey_m)))])
+    storeys_m = np.arange(LOWEST_STOREY_M, 2 * parameters.storey_m, STOREY_STEP_M)
+    counts = np.maximum(1, np.rint(gaps_m / storeys_m[:, None]))
+    off = (gaps_m - counts * storeys_m[:, None]) / GAP_SIGMA_M
+    unusual = np.log(storeys_m / parameters.storey_m) / STOREY_SPREAD
+    likeliest = int(np.argmin(np.square(off).sum(axis=1) + np.square(unusual)))
+    return np.concatenate([[0], np.cumsum(counts[likeliest])])
 
 
 FLOOR_NAME = re.compile(r"(?:level|floor|ebene|etage|stock) *([-+]?\d{1,2})", re.IGNORECASE)

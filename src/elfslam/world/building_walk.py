@@ -11,7 +11,7 @@ from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 
 from elfslam.base.arrays import F64, I64
 from elfslam.base.values import Levels
@@ -67,10 +67,12 @@ PADDING: tuple[Literal["constant", "edge"], ...] = ("constant", "constant", "edg
 LIFT_MPS2 = 0.8
 """As lifts for persons accelerate."""
 SMOOTH_S = 0.25
+PROBED = 10
+"""So many centimetres apart people look how far they can go aside."""
 
 
 class Path(NamedTuple):
-    """A line in plan (k, 2) with corners rounded, its heading (k) and its length so far (k).
+    """A line in plan (k, 2) with corners rounded, evenly sampled: its heading and length (k).
 
     `ends_m` is where each stretch ends on it.
     """
@@ -159,11 +161,12 @@ def path_of(course: Sequence[WalkLeg]) -> Path:
         for radius_m in (CORNER_RADIUS_M, TIGHT_RADIUS_M)
     )
     xy_m = (1 - share) * wide_xy + share * tight_xy
-    along_m = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(xy_m, axis=0), axis=1)))
-    tangent = xy_m[np.minimum(np.arange(len(xy_m)) + 5, len(xy_m) - 1)]
-    tangent = tangent - xy_m[np.maximum(np.arange(len(xy_m)) - 5, 0)]
+    uneven_m = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(xy_m, axis=0), axis=1)))
+    along_m = np.linspace(0.0, uneven_m[-1], round(uneven_m[-1] / 0.01) + 1)
+    even_m = np.column_stack([np.interp(along_m, uneven_m, column) for column in xy_m.T])
+    tangent = np.gradient(uniform_filter1d(even_m, 11, axis=0, mode="nearest"), axis=0)
     heading_rad = np.unwrap(np.arctan2(tangent[:, 1], tangent[:, 0]))
-    return Path(xy_m, heading_rad, along_m, along_m[counts - 1])
+    return Path(even_m, heading_rad, along_m, uneven_m[counts - 1])
 
 
 def walk_through(
@@ -198,16 +201,15 @@ def walk_through(
 
 def _room_beside(path: Path, course: Sequence[WalkLeg]) -> tuple[F64, F64]:
     """How the path bends (k), and how far beside it one can go (k, 2): not at all off floors."""
-    bend_pm = np.gradient(
-        path.heading_rad, np.maximum(path.along_m, np.arange(len(path.along_m)) * 1e-9)
-    )
+    bend_pm = np.gradient(path.heading_rad, path.along_m)
     free_m = np.zeros((len(bend_pm), 2))
     ends = np.searchsorted(path.along_m, path.ends_m, side="right")
     for stretch, start, end in zip(course, [0, *ends], ends, strict=False):
         if stretch.gait is Gait.WALK:
-            part = slice(start, end)
+            at = np.arange(start, end, PROBED)
             room = walked_room(stretch.place.world)
-            free_m[part] = free_beside(path.xy_m[part], bend_pm[part], room)
+            beside_m = free_beside(path.xy_m[at], path.heading_rad[at], bend_pm[at], room)
+            free_m[start:end] = np.repeat(beside_m, PROBED, axis=0)[: end - start]
     return bend_pm, narrowed(free_m)
 
 

@@ -18,7 +18,6 @@ from elfslam.world.building_walk import (
     BuildingWalk,
     course_of,
     levels_of,
-    path_of,
     place_changes,
     walk_through,
 )
@@ -30,7 +29,7 @@ from elfslam.world.recorder import WorldVisit, record_visits
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import LONGEST_S, WALKERS, Rounds, simulate, truth_of
 from elfslam.world.stroll import lane_of, random_person
-from elfslam.world.walker import Motion, Walker, random_walker
+from elfslam.world.walker import Motion, Walker, random_walker, smooth_lap
 from elfslam.world.world_file import World
 
 
@@ -64,13 +63,9 @@ def simulate_building(
     plan = tuple(plan) or building.plan
     check_plan(building, plan)
     generator = np.random.default_rng([seed, 1])
-    course = course_of(building, plan, rounds, generator, reverse=reverse)
     someone = _someone(walker, building, generator)
-    if path_of(course).along_m[-1] > LONGEST_S * someone.speed_mps:
-        raise InputError(
-            f"building {building.name!r:.60}: {rounds} rounds on {len(plan)} floors take more than "
-            f"{LONGEST_S / 3600:g} hours; walk fewer"
-        )
+    _check_duration(building, plan, rounds, someone)
+    course = course_of(building, plan, rounds, generator, reverse=reverse)
     walk = walk_through(someone, course, generator)
     today = circumstances or Circumstances()
     wind = np.random.default_rng([seed, 51])
@@ -134,6 +129,17 @@ def _someone(kind: str, building: MultiFloorWorld, generator: np.random.Generato
     if kind == WALKERS[0]:
         return random_walker(generator)
     return random_person(generator, lane_of(building.storeys[0].world.room))
+
+
+def _check_duration(
+    building: MultiFloorWorld, plan: Sequence[int], rounds: int, walker: Walker
+) -> None:
+    laps_m = (smooth_lap(building.storey(level).world.route_m)[1] for level in plan)
+    if rounds * sum(laps_m) > LONGEST_S * walker.speed_mps:
+        raise InputError(
+            f"building {building.name!r:.60}: {rounds} rounds on {len(plan)} floors take more than "
+            f"{LONGEST_S / 3600:g} hours; walk fewer"
+        )
 
 
 def _doors_s(walk: BuildingWalk) -> list[float]:

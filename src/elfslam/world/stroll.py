@@ -119,7 +119,8 @@ def way_through(room: Room, route_m: F64) -> Way:
     middle = np.arange(len(lap_xy), dtype=np.float64)
     turned = on_lap(lap_xy, middle + 0.5)[1] - on_lap(lap_xy, middle - 0.5)[1]
     curvature_pm = turned * len(lap_xy) / lap_m
-    return Way(lap_xy, lap_m, curvature_pm, free_beside(lap_xy, curvature_pm, room))
+    free_m = narrowed(free_beside(lap_xy, on_lap(lap_xy, middle)[1], curvature_pm, room))
+    return Way(lap_xy, lap_m, curvature_pm, free_m)
 
 
 def stroll_on(person: Walker, way: Way, rounds: int, generator: np.random.Generator) -> Motion:
@@ -256,20 +257,19 @@ def _from_grip_to_grip(regrips: F64, values: F64, count: int) -> F64:
     return np.asarray(gaussian_filter1d(steps, GRIP_S * KINEMATICS_RATE_HZ / 2, mode="nearest"))
 
 
-def free_beside(lap_xy: F64, curvature_pm: F64, room: Room) -> F64:
-    """How far one goes to the right and to the left of each point of the lap (k, 2), in m."""
-    _, heading = on_lap(lap_xy, np.arange(len(lap_xy), dtype=np.float64))
-    left = np.column_stack([-np.sin(heading), np.cos(heading)])
-    free = np.zeros((len(lap_xy), 2))
+def free_beside(xy_m: F64, heading_rad: F64, curvature_pm: F64, room: Room) -> F64:
+    """How far one goes to the right and to the left of each point (k, 2) of a way, in m."""
+    left = np.column_stack([-np.sin(heading_rad), np.cos(heading_rad)])
+    free = np.zeros((len(xy_m), 2))
     for column, sign in enumerate((-1.0, 1.0)):
-        open_so_far = np.ones(len(lap_xy), dtype=bool)
+        open_so_far = np.ones(len(xy_m), dtype=bool)
         for far in np.arange(PROBE_M, WIDEST_M, PROBE_M):
-            beside = lap_xy[open_so_far] + sign * far * left[open_so_far]
+            beside = xy_m[open_so_far] + sign * far * left[open_so_far]
             open_so_far[open_so_far] = standing_room(room, beside)
             free[open_so_far, column] = far
         inward = np.maximum(sign * curvature_pm, 1e-3)
         free[:, column] = np.minimum(free[:, column], INSIDE / inward)
-    return narrowed(free)
+    return free
 
 
 def narrowed(free_m: F64) -> F64:

@@ -127,6 +127,18 @@ def test_a_walk_over_two_floors_becomes_a_map_a_floor_in_one_frame(
     assert owner.get("/api/maps").json() == []
 
 
+def test_the_walk_of_the_demonstration_is_merged_into_its_floor(
+    owner: TestClient, ended: Wait
+) -> None:
+    made = owner.post("/api/demonstration").json()
+    upstairs = [each["id"] for each in made if each["level"] == 1]
+    job = ended(owner, start(owner, kind="merge", maps=upstairs))
+    assert job["problem"] is None
+    merged = owner.get(f"/api/maps/{job['gave']['map']}").json()
+    assert (merged["facts"]["walks"], merged["facts"]["refused"]) == (2, {})
+    assert (merged["venue"], merged["level"]) == ("Demonstration building", 1)
+
+
 def test_maps_are_merged_and_a_walk_is_located(
     owner: TestClient, remember: Remember, ended: Wait, tmp_path: Path, services: Services
 ) -> None:

@@ -121,16 +121,16 @@ def _map(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | None
 
     run = map_into(folder / OUT, folder / GIVEN / task["recording"], job, stage)
     out = folder / OUT
-    facts = {"floors": _facts_of_floors(out)} if is_building(out) else dict(_facts_of_run(run))
+    facts = {"floors": facts_of_floors(out)} if is_building(out) else dict(facts_of_run(run))
     return {**facts, **_said_of_run(out)}, _problem_of(lambda: refuse_unclosed(run))
 
 
-def _facts_of_floors(out: Path) -> list[MapFacts]:
+def facts_of_floors(out: Path) -> list[MapFacts]:
     """What is told of each floor of a building, in their order."""
     building = read_building(out)
     return [
         {
-            **_facts_of_run(read_run(floor_folder(out, floor.level))),
+            **facts_of_run(read_run(floor_folder(out, floor.level))),
             "level": floor.level,
             "height_m": floor.height_m,
             "passages": [passage_facts(each) for each in building.passages_at(floor.level)],
@@ -146,7 +146,8 @@ def _start_pose(given: list[float] | None) -> Pose | None:
     return x_m, y_m, heading_rad
 
 
-def _facts_of_run(run: Run) -> MapFacts:
+def facts_of_run(run: Run) -> MapFacts:
+    """What is told of a run."""
     xy_m, t_s = run.trajectory.world_from_body[:, :2], run.trajectory.t_s
     return {
         "walks": 1,

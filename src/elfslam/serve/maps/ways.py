@@ -70,6 +70,7 @@ def get_way(
     services: ServicesDep,
     start: Told,
     goal: Told,
+    *,
     without_stairs: bool = False,
 ) -> WayBody:
     """The quickest way along walked ground, through the floors of a building that you may see.

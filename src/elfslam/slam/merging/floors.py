@@ -32,7 +32,7 @@ def numbered_alike(
     """The walks with their levels counted as the first walk's are, and so their floors.
 
     Each walk counts from the floor that it began on. Of the ways to count that put floors of equal
-    heights on each other, that one is right whose floors sound most alike. Raises InputError where
+    heights on each other, that one is right whose floors are most similar. Raises InputError where
     the heights of a walk fit in no way.
     """
     first = side_of(walks[0], parameters)

@@ -180,8 +180,8 @@ export function smallButton(picture, label, click, kind = "") {
 }
 
 /** @param {{loaded: boolean}} known @param {Parameters<typeof icon>[0]} picture @param {string} title
- * @param {any} words */
-export function emptyPage(known, picture, title, words) {
+ * @param {any} words @param {any} [action] */
+export function emptyPage(known, picture, title, words, action = null) {
   if (!known.loaded) return h("div", { class: "empty", "aria-busy": "true" }, h("p", { class: "soft" }, t("Asking the server…")));
-  return h("div", { class: "empty" }, icon(picture), h("h2", null, title), h("p", { class: "soft" }, words));
+  return h("div", { class: "empty" }, icon(picture), h("h2", null, title), h("p", { class: "soft" }, words), action);
 }

@@ -56,17 +56,19 @@ function headingsOf(groups, at) {
   const editable = venue !== null && things.some(({ right }) => right !== "read");
   const isFirst = at === 0 || groups[at - 1].venue !== venue;
   return [
-    isFirst && headingRow("h2", venue ?? t("Not on a floor yet"), editable ? [venue, null] : null),
+    isFirst && headingRow("h2", venue ?? t("Not on a floor yet"), editable ? [venue, null] : null, things.some(isDemonstration)),
     floor !== null && headingRow("h3", floor, editable ? [venue, floor] : null),
   ];
 }
 
-/** @param {"h2" | "h3"} level @param {string} words @param {(string | null)[] | null} place what can be renamed */
-function headingRow(level, words, place) {
+/** @param {"h2" | "h3"} level @param {string} words @param {(string | null)[] | null} place what can be renamed
+ * @param {boolean} [isRemoved] what goes again in one click */
+function headingRow(level, words, place, isRemoved) {
   const key = JSON.stringify(place ?? words);
   return h("tr", { class: `group ${level}`, "data-key": `group-${level}-${key}`, role: "row" },
     h("th", { scope: "rowgroup", role: "rowheader", colspan: COLUMNS.length },
-      h("div", null, h(level, null, words), place && iconButton("edit", "rename-place", key, t("Rename {{name}}", { name: words })))));
+      h("div", null, h(level, null, words), place && iconButton("edit", "rename-place", key, t("Rename {{name}}", { name: words })),
+        isRemoved && h("button", { type: "button", class: "button small", "data-action": "remove-demonstration" }, icon("trash"), t("Remove")))));
 }
 
 /** @param {Map_} map @param {Set<string>} chosen @param {number} nowMs */
@@ -90,6 +92,9 @@ function rowOf(map, chosen, nowMs) {
       right === "own" && iconButton("share", "share", id, t("Share {{name}}", { name })),
       right === "own" ? iconButton("trash", "delete", id, t("Delete {{name}}", { name }), "danger") : iconButton("leave", "leave", id, t("Take {{name}} off my list", { name }))));
 }
+
+/** Whether a map is of the demonstration building. @param {{facts: any}} map */
+export const isDemonstration = ({ facts }) => Boolean(facts?.demonstration);
 
 /** The few numbers that a list shows, whichever of them are known. @param {{facts: any}} map
  * @returns {Record<"footsteps" | "closures" | "walks" | "distance_m", number | null>} */
@@ -131,6 +136,10 @@ export function mapActions(desk) {
     }),
     leave: on(leaveMap),
     delete: on(deleteMap),
+    async "remove-demonstration"() {
+      await orSay(() => request("/api/demonstration", { method: "DELETE" }));
+      await desk.now();
+    },
     async "delete-chosen"() {
       const maps = chosen().filter(({ right }) => right === "own");
       if (!(await confirmDelete(counted(maps.length, "{{count}} map", "{{count}} maps"), GONE, maps.map(({ name }) => name)))) return;

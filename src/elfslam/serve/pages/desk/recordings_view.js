@@ -13,6 +13,7 @@ import { ENDINGS } from "./uploads.js";
 import { renameRecording } from "./renaming.js";
 import { isOpen, mappingOf } from "./store.js";
 import { counted, t, translated, woven } from "../shared/words.js";
+import { isDemonstration } from "./maps_view.js";
 
 /** @typedef {import("./store.js").Known} Known */
 /** @typedef {import("./store.js").Recording} Recording */
@@ -43,7 +44,8 @@ function shownRecordings(recordings, { find, by }) {
 /** @param {Known} known */
 function nothing(known) {
   return emptyPage(known, "phone", t("No recordings yet"), 
-    woven("Open {{page}} on a phone and walk, or drop recordings here. Without a phone, a simulated walker goes there for you.", { page: h("a", { href: "./" }, t("the phone page")) }));
+    woven("Open {{page}} on a phone and walk, or drop recordings here. Without a phone, a simulated walker goes there for you.", { page: h("a", { href: "./" }, t("the phone page")) }),
+    !known.maps.some(isDemonstration) && h("button", { type: "button", class: "button", "data-action": "load-demonstration" }, icon("layers"), t("Load the demonstration building")));
 }
 
 /** @param {Recording} recording @param {Known} known @param {Set<string>} chosen @param {number} nowMs */
@@ -112,6 +114,10 @@ function goneWords(bytes) {
 export function recordingActions(desk) {
   const found = (/** @type {string} */ id) => desk.known.recordings.find((recording) => recording.id === id);
   return {
+    async "load-demonstration"() {
+      if (await orSay(() => request("/api/demonstration", { method: "POST" }))) location.hash = "#/maps";
+      await desk.now();
+    },
     async map(/** @type {string} */ id) {
       const recording = found(id);
       if (recording) await mapRecording(desk, recording);
