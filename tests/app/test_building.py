@@ -11,6 +11,7 @@ import numpy.testing as npt
 import pytest
 from shapely.geometry import shape
 
+import elfslam
 from elfslam.app.export import ExportContext, export
 from elfslam.app.locate import locate_from
 from elfslam.app.map import MapJob, map_into, map_many
@@ -94,7 +95,9 @@ def test_a_query_is_located_on_the_floor_that_it_is_on(
 ) -> None:
     """Both floors are one room here: echo by echo they can hardly be told apart."""
     fixes = locate_from(walk, building, Settings(), mode=mode)
-    levels = read_run(building).visited.levels.at(fixes.t_s)
+    visited = read_run(building).visited
+    assert visited is not None
+    levels = visited.levels.at(fixes.t_s)
     assert fixes.level is not None
     assert len(fixes.t_s) > 30
     known = np.isfinite(fixes.level)
@@ -190,3 +193,15 @@ def test_buildings_of_walks_become_one(building: Path, walk: Path, tmp_path: Pat
     assert set(fixes.level[np.isfinite(fixes.level)]) == {0, 1}
     assert run(["merge", str(out), both[1], str(tmp_path / "again")]) == 2
     assert run(["merge", str(floor_folder(building, 0)), both[1], str(tmp_path / "mixed")]) == 2
+
+
+def test_python_locates_in_a_run_over_several_floors(walk: Path) -> None:
+    recording = elfslam.read_recording(walk)
+    mapped = elfslam.map(recording, encoder="spectral")
+    fixes = elfslam.locate(recording, mapped)
+    assert fixes.level is not None
+    assert set(fixes.level[np.isfinite(fixes.level)]) == {0, 1}
+    with pytest.raises(InputError, match="over several floors"):
+        elfslam.merge([mapped, mapped])
+    with pytest.raises(InputError, match="no phone is learned"):
+        elfslam.locate(recording, mapped, phone_walk=recording)

@@ -31,6 +31,8 @@ from elfslam.base.parameters import replace as with_parameter
 from elfslam.base.values import Announce, Fixes, FloorMap, Recording, Run, Truth, silent
 from elfslam.slam import pipeline
 from elfslam.slam.crop import crop
+from elfslam.slam.floor_location import locate_in_building
+from elfslam.slam.floors import floor_runs
 from elfslam.slam.front_end import extract_echoes
 from elfslam.slam.merging import MappedWalk, add_walk, lay_walk, walk_of
 from elfslam.slam.merging import merge as merge_walks
@@ -168,6 +170,10 @@ def merge(
     known = settings_of(settings)
     maps = [item for item in runs if isinstance(item, FloorMap)]
     walks = _named_walks([item for item in runs if isinstance(item, Run)])
+    if any(isinstance(item, Run) and item.visited is not None for item in runs):
+        raise InputError(
+            "merge: a run is over several floors; merge their folders with `elfslam merge`"
+        )
     if len(maps) > 1 or len(runs) < 2:
         raise InputError(
             f"merge: wanted two runs or more, or one map and runs, got {len(maps)} maps and "
@@ -198,11 +204,16 @@ def locate(
     `mode` is one-shot (place recognition from 0.6 s of sound), trajectory (8 footsteps) or track
     (particle filter, whose draws `seed` decides). `encoder` is needed where the map was made with
     one of your own. `phone_walk` is a walk of this phone in that map, to learn how it hears.
-    Raises InputError and ParameterError.
+    In a run over several floors each fix has a level. Raises InputError and ParameterError.
     """
-    known, where = settings_of(settings), _map_of(floor_map)
+    known, floors = settings_of(settings), _floors_of(floor_map)
+    where = _map_of(floor_map) if floors is None else next(iter(floors.values()))
     used = _encoder_for(where) if encoder is None else encoder
     used = load_encoder(used) if isinstance(used, str) else used
+    if floors is not None:
+        if phone_walk is not None:
+            raise InputError("phone_walk: no phone is learned in a building yet; leave it out")
+        return locate_in_building(recording, floors, used, known, mode=Mode(mode), seed=seed)
     translation = None
     if phone_walk is not None:
         translation = phone_translation(phone_walk, where, used, known)
@@ -295,6 +306,14 @@ def _map_of(given: FloorMap | Run) -> FloorMap:
     if floor_map is None:
         raise InputError("locate: this run was mapped without sound; map it by echoes")
     return floor_map
+
+
+def _floors_of(given: FloorMap | Run) -> dict[int, FloorMap] | None:
+    """The maps of a run over several floors by level; None of any other."""
+    if not isinstance(given, Run) or given.visited is None:
+        return None
+    parts = floor_runs(given, Settings())
+    return {level: _map_of(part) for level, part in parts.items()}
 
 
 def _encoder_for(floor_map: FloorMap) -> Encoder:
