@@ -16,6 +16,8 @@ from elfslam.serve.buildings.publishing import Spot, floor_of, publish, withdraw
 from elfslam.serve.buildings.senses import WifiFindParameters
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
+from elfslam.serve.store.database import transaction
+from elfslam.serve.store.tables import Map
 from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.stages.echo import EchoParameters, cut_echoes
 from elfslam.stages.feature import extract_features, load_encoder
@@ -201,6 +203,66 @@ def test_the_way_to_a_named_place_is_told_and_drawn(pocket: Any, server: Any, ma
         check_view(page, 390)
         page.select_option("#way-to", label="nowhere")
         assert page.locator("#way-words").is_hidden()
+
+
+STAIRS = {
+    "kind": "stairs", "from_level": 0, "to_level": 1, "duration_s": 15.0,
+    "from_xy_m": [3.0, 5.0], "to_xy_m": [0.0, 5.0],
+}  # fmt: skip
+
+
+@pytest.fixture
+def building(map_id: str, server: Any, heard_map: FloorMap, tmp_path: Path) -> Iterator[list[str]]:
+    """That map with another above it, joined by stairs; its named place is Room 5."""
+    services, folder = open_services(ServerSettings(server.data)), tmp_path / "above"
+    folder.mkdir()
+    ids = [map_id, plant_floor_map(services, heard_map, folder)]
+    for level, each in enumerate(ids):
+        with transaction(services.sessions) as session:
+            row = session.get_one(Map, each)
+            row.name, row.floor = f"Mall {level}", str(level)
+            row.facts = {"level": level, "frame": map_id, "passages": [STAIRS]}
+    services.engine.dispose()
+    named = [{"name": "Room 5", "kind": "room", "x_m": 0.0, "y_m": 1.0}]
+    points = f"/api/maps/{ids[1]}/points-of-interest"
+    server.ask(points, "PUT", json={"version": "", "points": named})
+    yield ids
+    if server.process is None:
+        server.start(server.port)
+    server.ask(f"/api/maps/{ids[1]}", "DELETE")
+
+
+def test_a_way_leads_over_floors_without_a_server(
+    pocket: Any, server: Any, building: list[str]
+) -> None:
+    """The walker stands at HERE_M and faces along y, towards the stairs."""
+    low, _ = building
+    with pocket.on() as page:
+        page.goto(server.address)
+        page.click("#where")
+        page.click(f"[data-map='{low}'] >> text=Get this map")
+        for each in building:
+            page.wait_for_selector(f"[data-map='{each}'] >> text=Find me here")
+        page.locator("html[data-offline=kept]").wait_for()
+    server.stop()
+    with pocket.on() as page:
+        page.goto(server.address.partition("#")[0])
+        page.click("#where")
+        page.click(f"[data-map='{low}'] >> text=Find me here")
+        page.wait_for_selector("#place-stop:visible")
+        page.check("input[value=one-shot]", force=True)
+        page.select_option("#way-to", label="Room 5 (room, floor 1)")
+        wait_for_words(page, "Here, within")
+        first = "first straight ahead, after 3.0\u00a0m take the stairs to floor 1"
+        page.locator("#way-words", has_text=f"Room 5, floor 1: 10\u00a0m; {first}").wait_for()
+        page.check("#way-stepless")
+        page.locator("#way-words", has_text="no way without stairs is known").wait_for()
+        page.uncheck("#way-stepless")
+        check_view(page, 390)
+        page.click("text=I am on floor 1 now")
+        page.locator("#place-title", has_text="Mall 1").wait_for()
+        page.locator("#way-words", has_text="Room 5: 3.2\u00a0m").wait_for(timeout=WALK_MS)
+        assert page.locator("#way-next").is_hidden()
 
 
 def test_a_guest_is_located_by_a_link_and_without_an_account(

@@ -289,9 +289,13 @@ function offerWays(floors, coming, show, goOn) {
     tell();
   };
 
+  /** @type {Map<boolean, import("../../stages/ways.js").WayGraph>} */
+  const graphs = new Map();
   function graph() {
-    const walked = floors.map(({ level, xyM }) => ({ level, points: pointsOf(xyM) }));
-    return wayGraphOf(walked, stepless.checked ? withoutSteps(once) : once);
+    const walked = () => floors.map(({ level, xyM }) => ({ level, points: pointsOf(xyM) }));
+    const made = graphs.get(stepless.checked) ?? wayGraphOf(walked(), stepless.checked ? withoutSteps(once) : once);
+    graphs.set(stepless.checked, made);
+    return made;
   }
 
   function tell() {
