@@ -139,7 +139,7 @@ def load_place(name: Path | str) -> World | MultiFloorWorld:
             return parse_building(content, str(path), path.parent)
     elif str(name) not in world_names():
         known = ", ".join(world_names() + building_names())
-        raise InputError(f"world {str(name)!r}: wanted {known} or a TOML file; no such place")
+        raise InputError(f"world {str(name)!r}: wanted {known} or a TOML file; no such world")
     return load_world(name)
 
 
