@@ -119,8 +119,8 @@ def extract_echoes(recording: Recording, parameters: Parameters) -> Echoes:
 
 
 LEAST_OVER_NOISE_DB = -3.0
-"""In studio and lounge a phone up to here maps as well as a quiet one: the correction of its mean
-features (`stages/feature.py: attenuation_of`) reaches so far."""
+"""Among strong mirrors a phone up to here maps as well as a quiet one, by the correction of its
+mean features (`stages/feature.py: attenuation_of`); in diffuse rooms it does not."""
 
 
 def too_noisy(echoes: Echoes) -> str | None:
