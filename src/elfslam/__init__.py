@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from elfslam.app.api import finetune, locate, map, merge, plot, score, settings_of, simulate
+    from elfslam.app.way import find_way
     from elfslam.base.errors import (
         ElfslamError,
         InputError,
@@ -41,6 +42,7 @@ HOMES = {
     "app.api": (
         "finetune", "locate", "map", "merge", "plot", "score", "settings_of", "simulate",
     ),
+    "app.way": ("find_way",),
     "base.errors": (
         "ElfslamError", "InputError", "NoAnswerError", "ParameterError", "StoreError",
     ),
@@ -75,6 +77,7 @@ __all__ = [
     "StoreError",
     "Trajectory",
     "Truth",
+    "find_way",
     "finetune",
     "load_encoder",
     "locate",

@@ -122,3 +122,14 @@ def test_passages_that_are_one_become_their_mean() -> None:
     lift = replace(STAIRS, kind=LevelPassage.LIFT)
     mean = replace(STAIRS, from_xy_m=(1.0, 0.0), duration_s=25.0)
     assert gathered_passages([STAIRS, far, near, lift]) == (mean, far, lift)
+
+
+def test_a_lift_joins_all_floors_that_it_stopped_at() -> None:
+    low = Passage(LevelPassage.LIFT, 0, 3, (5.0, 1.0), (5.5, 1.0), 9.0)
+    high = Passage(LevelPassage.LIFT, 1, 3, (5.2, 1.0), (5.0, 1.5), 4.0)
+    elsewhere = Passage(LevelPassage.LIFT, 1, 2, (25.0, 1.0), (25.0, 1.0), 4.0)
+    found = gathered_passages([low, high, elsewhere, STAIRS])
+    assert found[:4] == (low, high, elsewhere, STAIRS)
+    assert [replace(each, to_xy_m=(5.2, 1.0)) for each in found[4:]] == [
+        Passage(LevelPassage.LIFT, 0, 1, (5.0, 1.0), (5.2, 1.0), 2.5)
+    ]

@@ -8,6 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from elfslam.base.arguments import checked
 from elfslam.base.arrays import F64
 from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.building import Passage
@@ -31,11 +32,13 @@ class WayFloor:
     points: tuple[PointOfInterest, ...] = ()
 
 
-def find_way(folder: Path, start: str, goal: str, *, stairs: bool = True) -> Route:
+@checked
+def find_way(place: Path | str, start: str, goal: str, *, stairs: bool = True) -> Route:
     """The quickest way in a building, or in a map of one floor, whose level is 0.
 
     Places are a name, LEVEL:NAME or LEVEL:X,Y. Raises ParameterError, StoreError, NoAnswerError.
     """
+    folder = Path(place)
     folders: dict[int, Path] = {0: folder}
     passages: tuple[Passage, ...] = ()
     if is_building(folder):

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import combinations
 from math import dist
 
 import numpy as np
 
 from elfslam.base.arrays import F32, F64, I64
-from elfslam.base.building import Building, FloorsVisited, Passage
+from elfslam.base.building import MOST_PASSAGES, Building, FloorsVisited, Passage
 from elfslam.base.values import (
     AnySimilarity,
     Checkpoints,
@@ -58,15 +59,48 @@ def building_of(run: Run, levels: Sequence[int]) -> Building:
 
 
 def gathered_passages(passages: Sequence[Passage]) -> tuple[Passage, ...]:
-    """One passage for all of a kind that join the same floors near each other: their mean."""
+    """One passage for all of a kind that join the same floors near each other: their mean.
+
+    A lift joins besides all floors at which any ride in it began or ended.
+    """
+    taken = tuple(map(_mean, _grouped(passages, _same)))
+    lifts = [each for each in taken if each.kind is LevelPassage.LIFT]
+    others = [
+        ride for shaft in _grouped(lifts, _same_shaft) for ride in _rides_between_stops(shaft)
+    ]
+    return (*taken, *others[: MOST_PASSAGES - len(taken)])
+
+
+def _grouped(
+    passages: Sequence[Passage], alike: Callable[[Passage, Passage], bool]
+) -> list[list[Passage]]:
+    """Each with the first that it is alike."""
     groups: list[list[Passage]] = []
     for each in passages:
-        group = next((group for group in groups if _same(group[0], each)), None)
+        group = next((group for group in groups if alike(group[0], each)), None)
         if group is None:
             groups.append([each])
         else:
             group.append(each)
-    return tuple(map(_mean, groups))
+    return groups
+
+
+def _same_shaft(one: Passage, other: Passage) -> bool:
+    return dist(one.from_xy_m, other.from_xy_m) <= SAME_PASSAGE_M
+
+
+def _rides_between_stops(shaft: Sequence[Passage]) -> list[Passage]:
+    """Those that nobody took, as fast as the others."""
+    stops = {each.from_level: each.from_xy_m for each in shaft}
+    stops |= {each.to_level: each.to_xy_m for each in shaft}
+    taken = {frozenset((each.from_level, each.to_level)) for each in shaft}
+    rates = [each.duration_s / abs(each.to_level - each.from_level) for each in shaft]
+    floor_s = float(np.mean(rates))
+    return [
+        Passage(LevelPassage.LIFT, low, high, stops[low], stops[high], floor_s * (high - low))
+        for low, high in combinations(sorted(stops), 2)
+        if {low, high} not in taken
+    ]
 
 
 def _visited(run: Run) -> FloorsVisited:
