@@ -140,7 +140,7 @@ def test_position_is_continuous_and_speed_bounded(folder: Path, kind: str, *, st
     motion = gone(house(folder, kind), 101, strays=strays).motion
     speed = np.linalg.norm(np.diff(motion.position_m, axis=0), axis=1) * KINEMATICS_RATE_HZ
     assert speed.max() < 2.5
-    assert np.abs(np.diff(motion.heading_rad)).max() * KINEMATICS_RATE_HZ < 5.0
+    assert np.abs(np.diff(motion.heading_rad)).max() * KINEMATICS_RATE_HZ < 7.0
 
 
 def test_each_step_of_stairs_is_a_footstep(folder: Path) -> None:
@@ -350,6 +350,7 @@ def test_the_mall_of_one_floor_is_what_it_always_was() -> None:
         ("at_m = [0.0, 3.0]", "at_m = [3.0, 3.0]", "move it or what stands there"),
         ("plan = [0, 1, 0]", "plan = [0, 7]", "level 7: building 'house' has 0, 1, 2"),
         ("plan = [0, 1, 0]", "plan = [0, 0]", "level 0 follows itself"),
+        ("plan = [0, 1, 0]", "entrances_m = [[0]]", "point 1 is [0], wanted [x, y]"),
         ("plan = [0, 1, 0]", "plans = [0]", "did you mean 'plan'?"),
         ("to_m = [13.0, 3.0]", "to_m = [8.0, 3.0]", "5.9 m long or more; move to_m"),
     ],

@@ -73,7 +73,8 @@ def simulate_command(
     )  # fmt: skip
     with progress_bar() as announce, compilation_announced(announce):
         recording, truth = simulate_place(
-            place, seed, plan=parse_plan(plan), rounds=rounds, rate_hz=rate_hz, reverse=reverse,
+            place, seed, plan=parse_plan(plan), rate_hz=rate_hz, reverse=reverse,
+            **({"rounds": rounds} if rounds else {}),
             walker=walker or whose.walker, sensors=parse_sensors(sensors),
             grade=built_in_grade(imu), circumstances=today,
             progress=lambda share: announce(f"simulating {world}", share),

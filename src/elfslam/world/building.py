@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib import resources
-from importlib.resources.abc import Traversable
 from itertools import pairwise
 from pathlib import Path
 
@@ -24,6 +23,7 @@ from elfslam.world.toml_tables import (
     Table,
     check_keys,
     number,
+    points,
     read_table,
     rows,
     tables,
@@ -129,10 +129,9 @@ def building_names() -> list[str]:
 
 def load_place(name: Path | str) -> World | MultiFloorWorld:
     """A world or a building, by its built-in name or of a TOML file. Raises InputError."""
-    folder = resources.files("elfslam.world").joinpath("buildings")
     if str(name) in building_names():
-        file = folder.joinpath(f"{name}.toml")
-        return parse_building(file.read_text(encoding="utf-8"), f"buildings/{name}.toml", folder)
+        folder = Path(str(resources.files("elfslam.world").joinpath("buildings")))
+        return parse_building(read_text(folder / f"{name}.toml"), f"buildings/{name}.toml", folder)
     path = Path(name)
     if path.is_file() and str(name) not in world_names():
         content = read_text(path, MOST_TOML_BYTES)
@@ -140,11 +139,11 @@ def load_place(name: Path | str) -> World | MultiFloorWorld:
             return parse_building(content, str(path), path.parent)
     elif str(name) not in world_names():
         known = ", ".join(world_names() + building_names())
-        raise InputError(f"world {str(name)!r}: wanted {known} or a TOML file; no such place")
+        raise InputError(f"world {str(name)!r}: wanted {known} or a TOML file; no such world")
     return load_world(name)
 
 
-def parse_building(content: str, file: str, folder: Path | Traversable) -> MultiFloorWorld:
+def parse_building(content: str, file: str, folder: Path) -> MultiFloorWorld:
     """The building that a TOML text describes; files that it names lie in the folder."""
     top = read_table(content, file)
     check_keys(top, ("name", "plan", "entrances_m", "floor", "passage"))
@@ -160,14 +159,18 @@ def parse_building(content: str, file: str, folder: Path | Traversable) -> Multi
             f"floors lie {heights_m.tolist()} m high, wanted each 2 m above the last; raise them"
         )
     by_level = {storey.level: storey for storey in storeys}
+    entrances = rows(top, "entrances_m")
     building = MultiFloorWorld(
         text(top, "name"),
         storeys,
         tuple(_link(given, by_level) for given in tables(top, "passage")),
         parse_plan(rows(top, "plan") or levels),
-        np.array(rows(top, "entrances_m"), dtype=np.float64).reshape(-1, 2),
+        points(top, "entrances_m", entrances) if entrances else np.zeros((0, 2)),
     )
-    check_plan(building, building.plan)
+    try:
+        check_plan(building, building.plan)
+    except InputError as cause:
+        raise top.refusal(str(cause), "plan") from cause
     return building
 
 
@@ -190,7 +193,7 @@ def check_plan(building: MultiFloorWorld, plan: Sequence[int]) -> None:
         building.between(here, there)
 
 
-def _storey(given: Table, folder: Path | Traversable) -> Storey:
+def _storey(given: Table, folder: Path) -> Storey:
     check_keys(given, ("level", "height_m", "world", "state", "seed"))
     world = _world_of(text(given, "world"), folder)
     if "state" in given.values:
@@ -202,13 +205,12 @@ def _storey(given: Table, folder: Path | Traversable) -> Storey:
     return Storey(level, number(given, "height_m", low=-TALLEST_M, high=TALLEST_M), world)
 
 
-def _world_of(name: str, folder: Path | Traversable) -> World:
-    file = folder.joinpath(name)
+def _world_of(name: str, folder: Path) -> World:
     if not name.endswith(".toml"):
         return load_world(name)
-    if not file.is_file():
+    if not (folder / name).is_file():
         raise InputError(f"world {name!r}: no such file beside the building; correct its name")
-    return parse_world(file.read_text(encoding="utf-8"), name)
+    return parse_world(read_text(folder / name, MOST_TOML_BYTES), name)
 
 
 def _link(given: Table, storeys: dict[int, Storey]) -> FloorLink:

@@ -84,10 +84,10 @@ class Path(NamedTuple):
 
 
 class BuildingWalk(NamedTuple):
-    """The motion, heights above the lowest floor in it, and where it is.
+    """The motion, with heights above the entrance, and where it is at each moment.
 
-    `ground_m` (n) is the height of the ground under the walker and `stretch` (n) the number of the
-    stretch at each moment; `places` has a place per stretch.
+    `ground_m` (n) is the height of the ground under the walker, `stretch` (n) the number of the
+    stretch.
     """
 
     motion: Motion

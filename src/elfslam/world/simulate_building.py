@@ -89,23 +89,17 @@ def simulate_building(
 
 
 def simulate_place(
-    place: World | MultiFloorWorld,
-    seed: int,
-    *,
-    plan: Sequence[int] = (),
-    rounds: int | None = None,
-    **walk: Any,
+    place: World | MultiFloorWorld, seed: int, *, plan: Sequence[int] = (), **walk: Any
 ) -> tuple[Recording, Truth]:
     """A walk in a world or through a building, by the keywords of either.
 
     Raises ParameterError for a plan of a world of one floor, and as they do.
     """
-    laps: dict[str, Any] = {} if rounds is None else {"rounds": rounds}
     if isinstance(place, MultiFloorWorld):
-        return simulate_building(place, seed, plan=plan, **laps, **walk)
+        return simulate_building(place, seed, plan=plan, **walk)
     if plan:
         raise ParameterError(f"plan: world {place.name!r:.60} has one floor; leave it out")
-    return simulate(place, seed, **laps, **walk)
+    return simulate(place, seed, **walk)
 
 
 def usual_day(
