@@ -63,6 +63,7 @@ MAKERS: dict[str, Callable[[], Value]] = {
         np.full((3, 2, 2), np.nan),
         np.full(3, np.nan),
         [FixStatus.OK, FixStatus.UNKNOWN_PLACE, FixStatus.NO_ECHO],
+        np.array([0.0, np.nan, 1.0]),
     ),
 }
 NAN_ALLOWED = {
@@ -76,6 +77,7 @@ NAN_ALLOWED = {
     "Fixes.heading_rad",
     "Fixes.covariance_m2",
     "Fixes.score",
+    "Fixes.level",
 }
 
 

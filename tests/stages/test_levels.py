@@ -99,6 +99,18 @@ def test_floors_that_a_lift_passes_are_counted_and_cellars_lie_below() -> None:
     assert told(*walk_of(parts)) == ([0, -1, 3], [STAIRS, LIFT])
 
 
+@pytest.mark.parametrize(
+    ("heights_m", "levels"),
+    [((5.5,), 1), ((6.8,), 2), ((10.2,), 3), ((3.1, 10.1), 3), ((5.0, 10.0), 2)],
+)
+def test_storeys_are_counted_by_the_likeliest_height(
+    heights_m: tuple[float, ...], levels: int
+) -> None:
+    rises = np.diff([0.0, *heights_m])
+    parts = [part for rise in rises for part in (WALK, (rise, float(rise), 0.0))]
+    assert told(*walk_of((*parts, WALK)))[0][-1] == levels
+
+
 def test_who_walks_on_an_escalator_gets_further_up_a_footstep_than_stairs_let() -> None:
     assert told(*walk_of((WALK, (7.0, 5.0, 1.8), WALK)))[1] == [ESCALATOR]
 

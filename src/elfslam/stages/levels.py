@@ -283,9 +283,9 @@ def _floors(rises: Sequence[_Rise], parameters: LevelParameters) -> tuple[list[i
 
 
 LOWEST_STOREY_M, STOREY_STEP_M = 2.4, 0.05
-GAP_SIGMA_M, STOREY_SPREAD = 0.8, 0.3
-"""How exactly gaps between floors are measured, and the spread of storeys about the typical, of
-their logarithm."""
+GAP_SIGMA_M, STOREY_SPREAD, SKIPPED = 0.8, 0.3, 0.5
+"""How exactly gaps between floors are measured, the spread of storeys about the typical, of their
+logarithm, and what each floor counts that nobody visited."""
 
 
 def _ordinals(heights_m: F64, parameters: LevelParameters) -> F64:
@@ -295,7 +295,8 @@ def _ordinals(heights_m: F64, parameters: LevelParameters) -> F64:
     counts = np.maximum(1, np.rint(gaps_m / storeys_m[:, None]))
     off = (gaps_m - counts * storeys_m[:, None]) / GAP_SIGMA_M
     unusual = np.log(storeys_m / parameters.storey_m) / STOREY_SPREAD
-    likeliest = int(np.argmin(np.square(off).sum(axis=1) + np.square(unusual)))
+    passed = SKIPPED * (counts - 1).sum(axis=1)
+    likeliest = int(np.argmin(np.square(off).sum(axis=1) + np.square(unusual) + passed))
     return np.concatenate([[0], np.cumsum(counts[likeliest])])
 
 
