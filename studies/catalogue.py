@@ -32,8 +32,8 @@ from studies.study import SampledError, Study, StudyContext
 
 STUDIES = (
     "acoustic-odometry", "amounts", "attacks", "closures", "contention", "dead-reckoning",
-    "displacement", "distinctness", "elf", "fidelity", "fix-thresholds",
-    "floor-plan", "floors-by-wifi", "growing-map", "laps", "live-footsteps", "localization",
+    "displacement", "distinctness", "elf", "fidelity", "fix-thresholds", "floor-plan",
+    "floors", "floors-by-wifi", "growing-map", "laps", "live-footsteps", "localization",
     "localization-cost", "magnetic-left-out", "mall-fifths", "mall-floor",
     "many-mappers", "mapping", "merging", "paper", "paper-figures", "paper-summary", "passages",
     "phones", "pose-graphs", "real-rooms", "realism", "sensitivity", "sensors", "speech",
