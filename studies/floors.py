@@ -47,6 +47,8 @@ from studies.study import MEDIAN_ALIGNED, Study, StudyContext, finished
 BUILDINGS = ("mall_floors", "tower")
 ROUNDS = {"mall": 2, "office": 6}
 """Of walks on one floor."""
+HEARD = {PEOPLE.name: BUILDINGS, SURVEYOR.name: ("tower",)}
+"""By kind where walks are mapped by their sound: one in the mall takes minutes."""
 SEEDS, HEARD_SEEDS = (100, 101, 102), (100,)
 BAROMETER, BY_SOUND = "barometer", "no barometer"
 DEAD_RECKONING = "dead reckoning"
@@ -238,7 +240,7 @@ def _way_lengths(
     graph = _graph(places, run, poses, run.visited)
     found_m = _lengths_m(graph, level, poses, pairs)
     for condition, ground in {
-        WALKED: {int(k): true[true_level == k, :2] for k in np.unique(true_level[rows])},
+        WALKED: _walked_lines(truth),
         WALKABLE: _walkable(walk.world),
     }.items():
         known = _graph(ground, run, true, FloorsVisited(truth.levels, ()))
@@ -247,8 +249,17 @@ def _way_lengths(
         share = found_m[far & np.isfinite(found_m)] / true_m[far & np.isfinite(found_m)]
         numbers = {"way found (%)": 100 * float(np.isfinite(found_m[far]).mean())}
         for name, quantile in {"median": 0.5, "5 %": 0.05, "95 %": 0.95}.items():
-            numbers[f"way over truth, {name}"] = float(np.quantile(share, quantile))
+            has = np.quantile(share, quantile) if len(share) else np.nan
+            numbers[f"way over truth, {name}"] = float(has)
         yield from record_of(walk, ELF, f"ways, {condition}").each(numbers)
+
+
+def _walked_lines(truth: Truth) -> dict[int, F64]:
+    """Where the walk truly went on each floor (n, 2)."""
+    assert truth.levels is not None
+    level = truth.levels.at(truth.t_s)
+    floors = np.unique(level[np.isfinite(level)])
+    return {int(each): truth.world_from_body[level == each, :2] for each in floors}
 
 
 def _graph(ground: Mapping[int, F64], run: Run, poses: F64, visited: FloorsVisited) -> WayGraph:
