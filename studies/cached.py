@@ -20,6 +20,8 @@ from elfslam.slam import front_end
 from elfslam.stages.feature import Encoder, load_encoder
 from elfslam.stages.feature import extract_features as extract
 from elfslam.world import simulate as simulator
+from elfslam.world import simulate_building as building_simulator
+from elfslam.world.building import MultiFloorWorld
 from elfslam.world.kinds import QUIET, Kind, kind_named
 from elfslam.world.sensors import Sensor
 from studies.results import ROOT, Record, code_of
@@ -100,6 +102,11 @@ def simulate(world: simulator.World, seed: int, **how: Any) -> tuple[Recording, 
     return _kept(_simulate, world, seed, how, _digest(simulator.__name__))
 
 
+def simulate_building(building: MultiFloorWorld, seed: int, **how: Any) -> tuple[Recording, Truth]:
+    """As `elfslam.world.simulate_building.simulate_building`."""
+    return _kept(_walk_floors, building, seed, how, _digest(building_simulator.__name__))
+
+
 def extract_echoes(recording: Recording, settings: Settings) -> Echoes:
     """As `elfslam.slam.front_end.extract_echoes`."""
     return _kept(_hear, recording, settings, _digest(front_end.__name__))
@@ -126,6 +133,12 @@ def _simulate(
     world: simulator.World, seed: int, how: dict[str, Any], code: str
 ) -> tuple[Recording, Truth]:
     return simulator.simulate(world, seed, **how)
+
+
+def _walk_floors(
+    building: MultiFloorWorld, seed: int, how: dict[str, Any], code: str
+) -> tuple[Recording, Truth]:
+    return building_simulator.simulate_building(building, seed, **how)
 
 
 def _hear(recording: Recording, settings: Settings, code: str) -> Echoes:

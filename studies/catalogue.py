@@ -32,13 +32,12 @@ from studies.study import SampledError, Study, StudyContext
 
 STUDIES = (
     "acoustic-odometry", "amounts", "attacks", "closures", "contention", "dead-reckoning",
-    "displacement", "distinctness", "elf", "fidelity", "fix-thresholds",
-    "floor-plan", "floors-by-wifi", "growing-map", "guided-matching", "laps", "live-footsteps",
-    "localization", "localization-cost", "magnetic-left-out", "mall-fifths", "mall-floor",
-    "many-mappers", "mapping", "merging", "noisy-phones", "paper", "paper-figures",
-    "paper-summary", "passages", "phones", "pose-graphs", "real-rooms", "realism", "sensitivity",
-    "sensors", "speech", "spots", "stability", "superimposition", "taps", "thresholds", "trace",
-    "unknown-phone",
+    "displacement", "distinctness", "elf", "fidelity", "fix-thresholds", "floor-plan", "floors",
+    "floors-by-wifi", "growing-map", "guided-matching", "laps", "live-footsteps", "localization",
+    "localization-cost", "magnetic-left-out", "mall-fifths", "mall-floor", "many-mappers",
+    "mapping", "merging", "noisy-phones", "paper", "paper-figures", "paper-summary", "passages",
+    "phones", "pose-graphs", "real-rooms", "realism", "sensitivity", "sensors", "speech", "spots",
+    "stability", "superimposition", "taps", "thresholds", "trace", "unknown-phone",
 )  # fmt: skip
 """Each stands in the module of its name, as `STUDY`."""
 CORES = 2

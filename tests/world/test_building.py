@@ -13,12 +13,19 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import ElfslamError, InputError, ParameterError
 from elfslam.base.values import LevelPassage, Recording, Truth
 from elfslam.world import barometer
-from elfslam.world.building import MultiFloorWorld, building_names, load_place, parse_building
+from elfslam.world.building import (
+    MultiFloorWorld,
+    building_names,
+    load_place,
+    nearest_on_route,
+    parse_building,
+)
 from elfslam.world.building_walk import BuildingWalk, course_of, levels_of, walk_through
 from elfslam.world.imu import GRAVITY_MPS2
+from elfslam.world.kinds import PEOPLE
 from elfslam.world.passages import RISE_M, Gait
 from elfslam.world.simulate import simulate
-from elfslam.world.simulate_building import simulate_building, simulate_place
+from elfslam.world.simulate_building import simulate_building, simulate_place, usual_day
 from elfslam.world.stroll import random_person
 from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, random_walker
 from elfslam.world.world_file import World, load_world
@@ -304,6 +311,21 @@ def test_a_world_of_one_floor_has_a_barometer_too() -> None:
 
 
 # --- recordings ---
+
+
+def test_a_query_that_cuts_across_floors_still_gets_to_every_door() -> None:
+    """Of seed 1100 the first way that is drawn leaves out the mall's east end, with its lift."""
+    mall = load_place("mall_floors")
+    assert isinstance(mall, MultiFloorWorld)
+    _, asked = usual_day(mall, PEOPLE, 1100, asking=True)
+    assert isinstance(asked, MultiFloorWorld)
+    for storey in asked.storeys:
+        for link in mall.links:
+            nearest_on_route(storey, link, storey.world.route_m)
+    assert any(
+        len(now.world.route_m) != len(then.world.route_m)
+        for now, then in zip(asked.storeys, mall.storeys, strict=True)
+    )
 
 
 def test_the_same_seed_gives_the_same_bytes(folder: Path) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
-from elfslam.base.values import Fixes, Run, Truth
+from elfslam.base.values import Fixes, Levels, Run, Truth
 from elfslam.scoring.errors import Alignment, ScoreRow, summarise, walk_errors
 from elfslam.stages.levels import passages_of
 
@@ -23,28 +23,33 @@ def level_scores(run: Run, truth: Truth) -> list[ScoreRow]:
     """One row about the levels of a run; none where run or truth has none."""
     if run.visited is None or truth.levels is None:
         return []
-    found, true = run.visited.levels, truth.levels
-    t_s = np.arange(run.trajectory.t_s[0], run.trajectory.t_s[-1], STEP_S)
-    said = found.at(t_s) + level_shift(run, truth)
+    return [score_levels(run.visited.levels, truth.levels, run.trajectory.t_s)]
+
+
+def score_levels(found: Levels, true: Levels, footsteps_t_s: F64) -> ScoreRow:
+    """About the levels of a walk with footsteps at the times (n), whichever floor it calls 0."""
+    t_s = np.arange(footsteps_t_s[0], footsteps_t_s[-1], STEP_S)
+    said = found.at(t_s) + _shift(found, true, footsteps_t_s)
     by_found, by_true = list(passages_of(found)), list(passages_of(true))
     met = [(a, b) for a in by_true for b in by_found if min(a[1], b[1]) > max(a[0], b[0])]
-    hits = len({a[0] for a, _ in met})
-    return [
-        {
-            **_shares(said, true.at(t_s)),
-            "changes": len(by_true),
-            "found": hits,
-            "false": len(by_found) - len({b[0] for _, b in met}),
-            "kind_right": sum(a[2] == b[2] for a, b in met),
-        }
-    ]
+    return {
+        **_shares(said, true.at(t_s)),
+        "changes": len(by_true),
+        "found": len({a[0] for a, _ in met}),
+        "false": len(by_found) - len({b[0] for _, b in met}),
+        "kind_right": sum(a[2] == b[2] for a, b in met),
+    }
 
 
 def level_shift(run: Run, truth: Truth) -> int:
     """How many floors the truth's level 0 lies over that of a run; 0 where nobody knows."""
     if run.visited is None or truth.levels is None:
         return 0
-    ahead = truth.levels.at(run.trajectory.t_s) - run.visited.levels.at(run.trajectory.t_s)
+    return _shift(run.visited.levels, truth.levels, run.trajectory.t_s)
+
+
+def _shift(found: Levels, true: Levels, t_s: F64) -> int:
+    ahead = true.at(t_s) - found.at(t_s)
     known = ahead[np.isfinite(ahead)]
     return int(known[0]) if len(known) else 0
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -13,7 +14,7 @@ from elfslam.base.arguments import Seed, checked
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.values import LevelPassage, Recording, Truth
 from elfslam.world.barometer import read_barometer
-from elfslam.world.building import MultiFloorWorld, check_plan
+from elfslam.world.building import MultiFloorWorld, Storey, check_plan, nearest_on_route
 from elfslam.world.building_walk import (
     BuildingWalk,
     course_of,
@@ -31,6 +32,9 @@ from elfslam.world.simulate import LONGEST_S, WALKERS, Rounds, simulate, truth_o
 from elfslam.world.stroll import lane_of, random_person
 from elfslam.world.walker import Motion, Walker, random_walker, smooth_lap
 from elfslam.world.world_file import World
+
+ATTEMPTS = 4
+"""To draw a query's way across a floor that leaves no door of a passage out."""
 
 
 @checked
@@ -111,10 +115,21 @@ def usual_day(
         return whose.mapping(first.room), place
     if isinstance(place, World):
         return whose.asking(first.room), whose.asking_place(place, seed)
-    storeys = tuple(
-        replace(storey, world=whose.asking_place(storey.world, seed)) for storey in place.storeys
-    )
+    storeys = tuple(_with_ways_of(place, storey, whose, seed) for storey in place.storeys)
     return whose.asking(first.room), replace(place, storeys=storeys)
+
+
+def _with_ways_of(building: MultiFloorWorld, storey: Storey, whose: Kind, seed: int) -> Storey:
+    """The floor with the ways of a query, the usual ones where none drawn passes every door."""
+    doors = [link for link in building.links if storey.level in link.levels]
+    for attempt in range(ATTEMPTS):
+        world = whose.asking_place(storey.world, seed + 1_000_000 * attempt)
+        asked = replace(storey, world=world)
+        with suppress(InputError):
+            for link in doors:
+                nearest_on_route(asked, link, world.route_m)
+            return asked
+    return storey
 
 
 def _someone(kind: str, building: MultiFloorWorld, generator: np.random.Generator) -> Walker:

@@ -1,0 +1,75 @@
+"""Floors of buildings in small: one walk each, and planted ways."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+
+from elfslam.stages.ways import LevelPosition, way, way_graph
+from elfslam.world.kinds import PEOPLE
+from studies import floors as study
+from studies.floors import BAROMETER, DEAD_RECKONING, STUDY, FloorWalk, measure_floors
+from studies.plain_features import ELF, PLAIN
+from studies.results import Record
+from studies.study import MEDIAN_ALIGNED, StudyContext
+
+
+@pytest.fixture(scope="module")
+def records() -> list[Record]:
+    return measure_floors(StudyContext(), **STUDY.fast, kind=PEOPLE)
+
+
+def values_of(records: list[Record], method: str, condition: str) -> dict[str, float]:
+    return {
+        each.metric: each.value
+        for each in records
+        if each.method == method and each.condition.startswith(condition)
+    }
+
+
+def test_the_barometer_finds_the_floors_of_a_tower(records: list[Record]) -> None:
+    found = values_of(records, BAROMETER, "mapped walk")
+    assert found["floor right (%)"] > 95
+    assert found["level changes found"] == found["level changes"] == 4
+    assert values_of(records, BAROMETER, "one floor")["false level changes an hour"] == 0
+
+
+def test_maps_are_nearer_than_dead_reckoning_and_lead_about_as_far(records: list[Record]) -> None:
+    for level in range(4):
+        mapped, reckoned = (
+            values_of(records, name, f"map, floor {level}")[MEDIAN_ALIGNED]
+            for name in (ELF, DEAD_RECKONING)
+        )
+        assert mapped < reckoned
+    assert 0.7 < values_of(records, ELF, "ways, along")["way over truth, median"] < 1.3
+    assert values_of(records, ELF, "fixes, barometer")["floor right (%)"] > 90
+    assert values_of(records, PLAIN, "fixes, barometer")
+
+
+def test_a_single_walk_has_no_interval(records: list[Record]) -> None:
+    assert all(each.low is None for each in records if each.condition.startswith("ways"))
+
+
+def test_a_grid_of_walkable_ground_leads_about_as_far_as_a_straight_line() -> None:
+    x_m, y_m = np.meshgrid(np.arange(0.125, 20, 0.25), np.arange(0.125, 20, 0.25))
+    graph = way_graph({0: np.column_stack([x_m.ravel(), y_m.ravel()])}, ())
+    for goal in ((19.0, 1.0), (19.0, 19.0), (11.0, 17.0)):
+        found = way(graph, LevelPosition(0, (1.0, 1.0)), LevelPosition(0, goal))
+        assert found is not None
+        assert 1 <= found.length_m / np.hypot(goal[0] - 1, goal[1] - 1) + 1e-3 < 1.05
+
+
+def test_people_can_stand_where_they_walk() -> None:
+    ground = study._walkable("tower")
+    assert sorted(ground) == [0, 1, 2, 3]
+    corridor = np.array([20.0, 7.0])
+    assert np.linalg.norm(ground[0] - corridor, axis=1).min() < 0.25
+    npt.assert_array_less(ground[0].max(axis=0), [40.0, 14.0])
+
+
+def test_a_query_walks_the_two_highest_floors(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[int, ...]] = []
+    monkeypatch.setattr(study, "simulate_building", lambda *_, plan, **__: asked.append(plan))
+    study._walked(FloorWalk("tower", 100, "people", heard=True), asking=True)
+    assert asked == [(3, 2)]
