@@ -50,7 +50,7 @@ class LevelParameters:
     rest_s: float = parameter(60.0, "s", "half flights this near each other are one", 0.0, 600.0)
     least_flight_m: float = parameter(0.6, "m", "lower changes are no flight", 0.1, 10.0)
     least_storey_m: float = parameter(2.0, "m", "lower changes lead to no floor", 0.5, 20.0)
-    same_floor_m: float = parameter(1.2, "m", "heights nearer than this are one floor", 0.1, 20.0)
+    same_floor_m: float = parameter(1.5, "m", "heights nearer than this are one floor", 0.1, 20.0)
     storey_m: float = parameter(
         3.8, "m", "typical storey, by which those that were not visited are counted", 2.4, 20.0
     )
