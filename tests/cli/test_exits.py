@@ -190,6 +190,7 @@ WITHOUT_EXTRAS = {
     "locate {walk} {run} {new}/fixes.csv": None,
     "score {run} {walk}": None,
     "anchor {run} {new}/plan.png:3 {new}/anchored": "images",
+    "way {run} 0:0,0 0:1,0": None,
     "export {run} {new}/run.parquet --to parquet": "parquet",
     "export {run} {new}/run.tum --to tum": None,
     "show {run} {new}/run.html": None,

@@ -36,6 +36,7 @@ ROUTES: dict[tuple[str, str], tuple[Right, dict[str, Any]]] = {
     ("GET", "/exports/{to}"): (Right.READ, {}),
     ("GET", "/floor-plan"): (Right.READ, {}),
     ("GET", "/points-of-interest"): (Right.READ, {}),
+    ("GET", "/way"): (Right.READ, {"params": {"start": "0,0", "goal": "1,0"}}),
     ("GET", "/package"): (Right.READ, {}),
     ("GET", "/package/{sha256}"): (Right.READ, {}),
     ("PATCH", ""): (Right.EDIT, {"json": {"name": "Other"}}),
