@@ -73,7 +73,7 @@ SEVERAL = {
 """What may stay where the rest does not fit: whole results, or what the next run goes on from."""
 LONG = {
     "map": (mapping, "mapped_run"),
-    "simulate": (simulating, "simulate"),
+    "simulate": (simulating, "simulate_place"),
     "merge": (joining, "merge"),
     "locate": (locating, "locate"),
     "anchor": (plans, "place_on"),

@@ -26,7 +26,7 @@ from tests.waiting import PATIENCE_S
 ROOT = Path(__file__).resolve().parents[3]
 PARSER = "tests.serve.parsing.costly_parser"
 BOUNDS = Bounds(
-    processor_s=1, wall_s=300, memory_bytes=2**29, file_bytes=2**20, advice="make it less"
+    processor_s=1, wall_s=300, memory_bytes=2**27, file_bytes=2**20, advice="make it less"
 )
 SERVER = """
 import sys
@@ -63,8 +63,8 @@ def test_what_is_found_is_told() -> None:
     ("what", "words"),
     [
         ("compute", "needs more than 1 s of processor time; make it less"),
-        ("grow", "needs more than 512 MB of memory; make it less"),
-        ("crash", "needs more than 512 MB of memory, or is damaged; make it less"),
+        ("grow", "needs more than 128 MB of memory; make it less"),
+        ("crash", "needs more than 128 MB of memory, or is damaged; make it less"),
         ("write", "becomes a file of more than 1 MB; make it less"),
     ],
 )

@@ -9,6 +9,7 @@ import os
 import resource
 import sys
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from importlib import import_module
@@ -23,6 +24,8 @@ from elfslam.serve.store.blobs import FULL_ERRORS
 DISK_FULL = 28
 """How a child exits where nothing more fits."""
 MEBIBYTE = 2**20
+STATM, DATA = Path("/proc/self/statm"), 5
+"""Where Linux counts the pages of a process, and which of the numbers is that of its data."""
 
 
 class Exceeded(StrEnum):
@@ -71,7 +74,7 @@ def main(told: Connection, module: str, bounds: Bounds, given: Mapping[str, Any]
         os.dup2(nowhere.fileno(), sys.stderr.fileno())
     _limit_cost(bounds)
     parse = import_module(module).parse
-    _limit(resource.RLIMIT_DATA, bounds.memory_bytes)
+    _limit(resource.RLIMIT_DATA, bounds.memory_bytes + _inherited_bytes())
     try:
         answer = _answer(parse, bounds, given)
     except Exception as error:  # whatever a file makes a library raise
@@ -79,6 +82,13 @@ def main(told: Connection, module: str, bounds: Bounds, given: Mapping[str, Any]
             sys.exit(DISK_FULL)
         answer = {"fault": f"{type(error).__name__}: {error}"}
     told.send_bytes(json.dumps(answer, allow_nan=False).encode())
+
+
+def _inherited_bytes() -> int:
+    """What this process had in memory when it was forked; 0 where the system does not tell."""
+    with suppress(OSError):
+        return int(STATM.read_text().split()[DATA]) * resource.getpagesize()
+    return 0
 
 
 def _limit_cost(bounds: Bounds) -> None:
