@@ -87,7 +87,7 @@ def main(told: Connection, module: str, bounds: Bounds, given: Mapping[str, Any]
 def _inherited_bytes() -> int:
     """What this process had in memory when it was forked; 0 where the system does not tell."""
     with suppress(OSError):
-        return int(STATM.read_text().split()[DATA]) * resource.getpagesize()
+        return int(STATM.read_text(encoding="utf-8").split()[DATA]) * resource.getpagesize()
     return 0
 
 
