@@ -9,7 +9,7 @@ import ssl
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -102,9 +102,9 @@ def start(data: Path, **how: Any) -> Served:
 
 
 @contextmanager
-def serving(data: Path, *options: str) -> Iterator[str]:
+def serving(data: Path, *options: str, program: Sequence[str] = COMMAND) -> Iterator[str]:
     """`elfslam serve` on plain HTTP as long as the block lasts; gives the address that pairs."""
-    arguments = [*COMMAND, "--port", "0", "--data", str(data), *options]
+    arguments = [*program, "--port", "0", "--data", str(data), *options]
     with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as server:
         try:
             assert server.stdout is not None
