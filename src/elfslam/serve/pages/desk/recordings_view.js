@@ -115,8 +115,9 @@ export function recordingActions(desk) {
   const found = (/** @type {string} */ id) => desk.known.recordings.find((recording) => recording.id === id);
   return {
     async "load-demonstration"() {
-      if (await orSay(() => request("/api/demonstration", { method: "POST" }))) location.hash = "#/maps";
+      const loaded = await orSay(() => request("/api/demonstration", { method: "POST" }));
       await desk.now();
+      if (loaded) location.hash = "#/maps";
     },
     async map(/** @type {string} */ id) {
       const recording = found(id);
