@@ -16,11 +16,13 @@ from starlette.testclient import TestClient
 
 from elfslam.app.map import MapJob
 from elfslam.app.settings import Settings
+from elfslam.base.values import FixStatus
 from elfslam.data.position_files import read_fixes
 from elfslam.data.recordings import read_recording, write_recording
 from elfslam.serve.app import create_app
 from elfslam.serve.services import Services, open_services
-from elfslam.serve.store.tables import Recording, RecordingState
+from elfslam.serve.store.database import transaction
+from elfslam.serve.store.tables import Map, Recording, RecordingState
 from elfslam.stages.chirp import describe_chirp
 from tests.serve.jobs.conftest import start
 from tests.serve.planting import plant_files
@@ -137,6 +139,29 @@ def test_the_walk_of_the_demonstration_is_merged_into_its_floor(
     merged = owner.get(f"/api/maps/{job['gave']['map']}").json()
     assert (merged["facts"]["walks"], merged["facts"]["refused"]) == (2, {})
     assert (merged["venue"], merged["level"]) == ("Demonstration building", 1)
+    assert merged["facts"]["level"] == 1
+    way = {"start": "Kitchen", "goal": "Reception"}
+    found = owner.get(f"/api/maps/{merged['id']}/way", params=way).raise_for_status().json()
+    assert found["legs"][0]["map"] == merged["id"], "it is the floor of the building now"
+
+
+def test_a_walk_is_located_on_the_floor_that_sounds_like_it(
+    owner: TestClient, remember: Remember, keep_map: Remember, ended: Wait, tmp_path: Path,
+    services: Services,
+) -> None:  # fmt: skip
+    made = owner.post("/api/demonstration").json()
+    entrance = next(each for each in made if each["facts"].get("level") == 0)
+    above = keep_map(owner, "one")
+    with transaction(services.sessions) as session:
+        row = session.get_one(Map, above)
+        row.facts = {**row.facts, "level": 2, "frame": entrance["facts"]["frame"]}
+    given = {"recording": remember(owner, "two"), "map": entrance["id"]}
+    job = ended(owner, start(owner, kind="locate", **given))
+    assert job["problem"] is None
+    (tmp_path / "fixes.csv").write_bytes(owner.get(f"/api/jobs/{job['id']}/fixes.csv").content)
+    fixes = read_fixes(tmp_path / "fixes.csv")
+    assert fixes.level is not None
+    assert set(fixes.level[fixes.status == FixStatus.OK]) == {2}
 
 
 def test_maps_are_merged_and_a_walk_is_located(

@@ -262,3 +262,9 @@ test("fixes are read by the names of their columns, empty cells are unknown", ()
   assert.deepEqual(countStatuses([...fixes, fixes[0]]), [["OK", 2], ["UNKNOWN_PLACE", 1]]);
   assert.throws(() => parseFixes("t_s,x_m\n1,2\n"), /lack the column y_m/);
 });
+
+test("fixes of a building are those of one floor, and those of no floor have no place", () => {
+  const text = "t_s,x_m,y_m,heading_rad,sigma_m,status,level\n1,1,2,0,0.1,OK,0\n2,3,4,0,0.1,OK,1\n3,5,6,0,0.1,AMBIGUOUS,\n";
+  const told = parseFixes(text, 1).map(({ t_s, xy_m }) => [t_s, xy_m]);
+  assert.deepEqual(told, [[2, [3, 4]], [3, null]]);
+});

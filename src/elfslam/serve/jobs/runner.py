@@ -65,6 +65,8 @@ POLL_S = 1.0
 """Jobs that another server queued are found after this long."""
 AWAY_S = 5.0
 """How long until a cluster that was away is asked for again."""
+OF_FLOOR = ("level", "height_m", "passages")
+"""What of a map's facts is of the floor of a building on which it lies."""
 MISTAKE = "the server made a mistake over this job; its log says which"
 LOG_CHARACTERS = 4000
 T = TypeVar("T")
@@ -379,14 +381,16 @@ def lay_on_tapped_plan(session: Session, made: Map, recording: Recording, facts:
 
 
 def lay_on_plan_of_first(session: Session, made: Map, maps: Sequence[Map], facts: MapFacts) -> None:
-    """Give a merged map the plan of the map whose frame it has, and note that frame.
+    """Give a merged map the plan and floor of the map whose frame it has, and note that frame.
 
     That is the merged one among them, else the oldest walk that was not refused.
     """
     inside = [each for each in maps if name_of(each) not in facts.get("refused", {})]
     inside.sort(key=lambda each: each.kind != FLOOR)
     if inside:
-        made.facts = {**made.facts, "frame": frame_of(session, inside[0])}
+        lies = {name: told for name, told in inside[0].facts.items() if name in OF_FLOOR}
+        its = {**made.facts, **lies, "frame": frame_of(session, inside[0])}
+        made.facts = cast(MapFacts, its)
         _lay(session, made, inside[0])
 
 

@@ -17,7 +17,7 @@ from elfslam.data.map_files import BY_TAPS
 from elfslam.serve.jobs.executors import GIVEN, TASK
 from elfslam.serve.jobs.queue import Claim
 from elfslam.serve.services import Services
-from elfslam.serve.sharing.rights import Principal, Right, right_in
+from elfslam.serve.sharing.rights import Principal, Right, floors_of, right_in
 from elfslam.serve.store import blobs
 from elfslam.serve.store.database import reading
 from elfslam.serve.store.tables import JobKind, Map, MapFile, Recording, RecordingFile
@@ -90,9 +90,11 @@ def _merge(session: Session, held: Claim) -> Task:
 def _locate(session: Session, held: Claim) -> Task:
     name, named = _recording(session, held.given["recording"])
     place = _still(session, held, _existing(session, held.given["map"]), Right.READ)
-    folders = {name: named, name_of(place): folder_of_map(session, place.id)}
-    told = {"recording": name, "map": name_of(place), "place": place.name}
-    return {**told, "mode": held.given["mode"]}, folders
+    floors = floors_of(session, Principal(held.user_id), place)
+    folders = {name_of(each): folder_of_map(session, each.id) for each in floors}
+    levels = {str(each.facts.get("level", 0)): name_of(each) for each in floors}
+    told = {"recording": name, "floors": levels, "place": place.name}
+    return {**told, "mode": held.given["mode"]}, {name: named, **folders}
 
 
 TASKS: Mapping[JobKind, Callable[[Session, Claim], Task]] = {

@@ -38,6 +38,7 @@ from elfslam.data.recordings import read_recording
 from elfslam.data.runs import read_run
 from elfslam.serve.jobs.executors import DISK_FULL, FIXES, GIVEN, OUT, TASK, Progress, Result
 from elfslam.slam import pipeline as slam
+from elfslam.slam.floor_location import locate_in_building
 from elfslam.slam.merging import MergeParameters
 
 if TYPE_CHECKING:
@@ -186,14 +187,19 @@ def _merge(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | No
 
 
 def _locate(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | None]:
-    """As `elfslam locate` does."""
-    known, place = Settings(), folder / GIVEN / task["map"]
+    """As `elfslam locate` does, on all floors where the map is one of a building's."""
+    known, mode, given = Settings(), Mode(task["mode"]), folder / GIVEN
     announce("reading", 0.0)
-    floor_map = read_map(place)
-    recording = read_recording(folder / GIVEN / task["recording"], known.chirp)
+    floors = {int(level): read_map(given / name) for level, name in task["floors"].items()}
+    recording = read_recording(given / task["recording"], known.chirp)
     announce("locating", 0.2)
-    encoder = encoder_of(place, floor_map)
-    fixes = slam.locate(recording, floor_map, encoder, known, mode=Mode(task["mode"]))
+    (level, floor_map), *others = floors.items()
+    encoder = encoder_of(given / task["floors"][str(level)], floor_map)
+    fixes = (
+        locate_in_building(recording, floors, encoder, known, mode=mode)
+        if others
+        else slam.locate(recording, floor_map, encoder, known, mode=mode)
+    )
     (folder / OUT).mkdir()
     write_fixes(fixes, folder / OUT / FIXES)
     counts = {status.name: int((fixes.status == status).sum()) for status in FixStatus}

@@ -26,13 +26,12 @@ from elfslam.data.tiles import encoder_identity, stretches_of, tiles_of
 from elfslam.serve.buildings.files import published_manifest, published_part
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
 from elfslam.serve.maps.point_routes import points_of
-from elfslam.serve.maps.ways import floors_of
 from elfslam.serve.network.authority import fingerprint, sign, signing_key, spki_of
 from elfslam.serve.people.access import not_found
 from elfslam.serve.receiving.completing import scratch
 from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.settings import ServerSettings
-from elfslam.serve.sharing.rights import Asks, Principal, map_for
+from elfslam.serve.sharing.rights import Asks, Principal, floors_of, map_for
 from elfslam.serve.store import blobs
 from elfslam.serve.store.blobs import Blob
 from elfslam.serve.store.database import reading, transaction

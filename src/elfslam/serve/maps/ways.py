@@ -7,7 +7,6 @@ from typing import Annotated
 import numpy as np
 from fastapi import APIRouter, Query
 from pydantic import BaseModel
-from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from elfslam.app.way import WayFloor, position_of, route_between
@@ -21,7 +20,7 @@ from elfslam.serve.maps.point_routes import points_of
 from elfslam.serve.people.access import not_found
 from elfslam.serve.problems import Problem
 from elfslam.serve.services import Services, ServicesDep
-from elfslam.serve.sharing.rights import Asks, Principal, Right, map_for, right_in
+from elfslam.serve.sharing.rights import Asks, floors_of, map_for
 from elfslam.serve.store.database import reading
 from elfslam.serve.store.sending import unfolded
 from elfslam.serve.store.tables import Map, MapFile
@@ -99,23 +98,6 @@ def get_way(
     ]  # fmt: skip
     moves = [MoveBody.model_validate(each, from_attributes=True) for each in moves_of(route)]
     return WayBody(length_m=route.length_m, duration_s=route.duration_s, legs=legs, moves=moves)
-
-
-def floors_of(session: Session, asker: Principal, found: Map) -> list[Map]:
-    """The maps of the building of a map that somebody may see, one a floor, rising.
-
-    Where a floor has several, the newest; of its own floor it is the map itself.
-    """
-    if "level" not in found.facts:
-        return [found]
-    rows = select(Map).where(Map.facts["frame"].as_string() == found.facts.get("frame", found.id))
-    seen = [
-        each
-        for each in session.scalars(rows.order_by(Map.created_utc, Map.id))
-        if "level" in each.facts and right_in(session, asker, each) >= Right.READ
-    ]
-    by_level = {level_in_building(each): each for each in [*seen, found]}
-    return [by_level[level] for level in sorted(by_level)]
 
 
 def level_in_building(each: Map) -> int:

@@ -108,6 +108,23 @@ def right_in(session: Session, asker: Principal, found: Map) -> Right:
     return right_to(asker, found, share, link, mays)
 
 
+def floors_of(session: Session, asker: Principal, found: Map) -> list[Map]:
+    """The maps of the building of a map that somebody may see, one a floor, rising.
+
+    Where a floor has several, the newest; of its own floor it is the map itself.
+    """
+    if "level" not in found.facts:
+        return [found]
+    rows = select(Map).where(Map.facts["frame"].as_string() == found.facts.get("frame", found.id))
+    seen = [
+        each
+        for each in session.scalars(rows.order_by(Map.created_utc, Map.id))
+        if "level" in each.facts and right_in(session, asker, each) >= Right.READ
+    ]
+    by_level = {each.facts["level"]: each for each in [*seen, found]}
+    return [by_level[level] for level in sorted(by_level)]
+
+
 def through_groups(user_id: str | None) -> Select[str, str, Shared]:
     """Map, group and what may be done, for all that is shared with groups that a user is in."""
     wanted = select(MapGroupShare.map_id, MapGroupShare.group_id, MapGroupShare.may)

@@ -228,17 +228,20 @@ async function mapAgain(desk, map, recording) {
   return desk.now();
 }
 
-/** The walks located in this map that are not shown yet. @param {Desk} desk @param {string} id
+/** The walks located in this map, or in another of its building, that are not shown yet. @param {Desk} desk @param {string} id
  * @param {Set<string>} seen @param {import("./viewer/state.js").State} state @param {() => void} fillPanel */
 async function loadLocated(desk, id, seen, state, fillPanel) {
-  const jobs = desk.known.jobs.filter((job) => job.kind === "locate" && job.state === "done" && job.given.map === id && !seen.has(job.id));
+  const factsOf = (/** @type {string} */ map) => desk.known.maps.find((each) => each.id === map)?.facts ?? {};
+  const here = factsOf(id);
+  const isHere = (/** @type {string} */ map) => map === id || ("level" in here && "level" in factsOf(map) && factsOf(map).frame === here.frame);
+  const jobs = desk.known.jobs.filter((job) => job.kind === "locate" && job.state === "done" && isHere(job.given.map) && !seen.has(job.id));
   for (const job of jobs) {
     seen.add(job.id);
     await orSay(async () => {
       const answer = await request(`/api/jobs/${encodeURIComponent(job.id)}/fixes.csv`);
       const name = desk.known.recordings.find((recording) => recording.id === job.given.recording)?.name ?? t("a deleted recording");
       const mode = job.given.mode ? ` (${MODES[job.given.mode] ?? job.given.mode})` : "";
-      state.located.push({ id: job.id, name: `${name}${mode}`, fixes: parseFixes(await answer.text()), shown: state.located.length === 0 });
+      state.located.push({ id: job.id, name: `${name}${mode}`, fixes: parseFixes(await answer.text(), here.level), shown: state.located.length === 0 });
     });
   }
   if (jobs.length > 0) fillPanel();

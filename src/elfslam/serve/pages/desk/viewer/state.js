@@ -94,13 +94,17 @@ export const STATUS_WORDS = {
 };
 
 /** The rows of a fixes file; columns by name. Throws Error naming what is missing.
- * @param {string} text @returns {Fix[]} */
-export function parseFixes(text) {
+ * @param {string} text @param {number | null} [level] of a building: what is on other floors is left out, and what
+ * is on none that is known has no place @returns {Fix[]} */
+export function parseFixes(text, level = null) {
   const [head, ...lines] = text.trim().split(/\r?\n/);
   const names = head.split(",");
   const missing = FIX_COLUMNS.filter((name) => !names.includes(name));
   if (missing.length > 0) throw new Error(t("The fixes lack the column {{column}}; locate again.", { column: missing[0] }));
-  return lines.filter((line) => line !== "").map((line) => fixOf(names, line.split(",")));
+  const on = names.indexOf("level");
+  return lines.filter((line) => line !== "").map((line) => line.split(","))
+    .filter((cells) => on < 0 || cells[on] === "" || Number(cells[on]) === level)
+    .map((cells) => ({ ...fixOf(names, cells), ...(cells[on] === "" ? { xy_m: null } : {}) }));
 }
 
 /** @param {string[]} names @param {string[]} cells @returns {Fix} */
