@@ -89,8 +89,10 @@ def test_one_sample_a_second_will_do() -> None:
     assert told(barometer, footsteps) == ([0, 1], [STAIRS])
 
 
-def test_who_rests_on_a_landing_climbs_one_floor() -> None:
-    parts = (WALK, UP[0], (40.0, 0.0, 0.0), UP[2], WALK)
+@pytest.mark.parametrize(("flight_m", "rest_s"), [(UP[0][1], 40.0), (2.7, 9.0)])
+def test_who_rests_on_a_landing_climbs_one_floor(flight_m: float, rest_s: float) -> None:
+    flight = (UP[0][0], flight_m, UP[0][2])
+    parts = (WALK, flight, (rest_s, 0.0, 0.0), flight, WALK)
     assert told(*walk_of(parts)) == ([0, 1], [STAIRS])
 
 

@@ -46,7 +46,7 @@ class LevelParameters:
     )
     speed_window_s: float = parameter(4.0, "s", "span over which speed is taken", 1.0, 30.0)
     door_s: float = parameter(1.5, "s", "quicker changes of pressure are a door's", 0.0, 10.0)
-    landing_s: float = parameter(6.0, "s", "flights this near each other are one", 0.0, 60.0)
+    landing_s: float = parameter(12.0, "s", "flights this near each other are one", 0.0, 60.0)
     rest_s: float = parameter(60.0, "s", "half flights this near each other are one", 0.0, 600.0)
     least_flight_m: float = parameter(0.6, "m", "lower changes are no flight", 0.1, 10.0)
     least_storey_m: float = parameter(2.0, "m", "lower changes lead to no floor", 0.5, 20.0)
