@@ -9,9 +9,9 @@ import { greatest, similarity } from "./locate.js";
 /**
  * @typedef {import("./floor_map.js").FloorMap} FloorMap
  * @typedef {{level: number | undefined, floorMap: FloorMap}} Floor level: undefined outside of buildings
- * @typedef {{tS: number, best: number[]}} Vote best: how alike the likeliest spot of each floor is; NaN in silence
- * @typedef {{floorMap: FloorMap, scores: Float32Array | null, level: number | null | undefined}} Heard on the floor that
- *   the walker is followed on, how alike its spots are, and its level where that is known
+ * @typedef {{tS: number, best: number[]}} Vote best: similarity of each floor's most similar spot; NaN in silence
+ * @typedef {{floorMap: FloorMap, scores: Float32Array | null, level: number | null | undefined}} Heard the floor that the
+ *   walker is followed on, the similarity of its spots, and its level where that is known
  * @typedef {ReturnType<typeof makeFloors>} Floors
  */
 
@@ -65,8 +65,8 @@ export function makeFloors(first) {
   return {
     /** The others have come, and the vote begins; what another encoder made cannot be compared. @param {Floor[]} others */
     join(others) {
-      const alike = others.filter(({ floorMap }) => floorMap.encoder === first.floorMap.encoder);
-      for (const each of alike) maps.set(each.level, each.floorMap);
+      const comparable = others.filter(({ floorMap }) => floorMap.encoder === first.floorMap.encoder);
+      for (const each of comparable) maps.set(each.level, each.floorMap);
       isVoting = true;
       beginAnew(isSaid);
     },

@@ -80,6 +80,7 @@ export function makeLocating({ devices, act, problem, paired }) {
 
   /** The map of another floor of the building. @param {number} level */
   async function turnTo(level) {
+    consent.withdraw(); // others were to see the walker on the floor shown
     here.level = level;
     const { map } = here.others.find((each) => each.level === level) ?? {};
     const kept = map && await here.packages?.open(map);
@@ -99,7 +100,6 @@ export function makeLocating({ devices, act, problem, paired }) {
 
   /** @param {NonNullable<Here["placing"]>} placing */
   function offerConsent({ nowS }) {
-    consent.withdraw();
     if (here.kept) consent.offer(here.kept.facts.map, here.kept.facts.name, nowS);
   }
 
