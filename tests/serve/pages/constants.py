@@ -13,6 +13,7 @@ from elfslam.stages import chirp, feature, medium_access, spoofing
 from elfslam.stages.chirp import ChirpParameters
 from elfslam.stages.echo import cut
 from elfslam.stages.echo.sound import EchoParameters
+from elfslam.stages.levels import LevelParameters
 from elfslam.stages.medium_access import MediumAccessParameters
 from elfslam.stages.motion import live, reckoning
 
@@ -27,6 +28,7 @@ FOREIGN = (
 )  # fmt: skip
 """Of what others chirp into a frame."""
 LISTENING = ("SLACK", "LATE", "NOISE", "STRETCHES", "LOST", "REMEMBERED")
+VOTE = ("vote_s", "least_lead")
 FORMAT = ("rate_hz", "centre_hz", "frame_samples", "lead_s")
 
 
@@ -49,6 +51,7 @@ def _exports() -> list[str]:
             medium_access, "SLACK", "LATE", "NOISE", "STRETCHES", "LOST", "REMEMBERED"
         ),
         "FACTS": _named(cut, "QUIET", "OVER", "FULL_SCALE"),
+        "FLOOR_VOTE": {name: getattr(LevelParameters(), name) for name in VOTE},
         "BASEBAND_FORMAT": {name: getattr(baseband.BasebandFormat, name) for name in FORMAT},
         "BASEBAND_FILTER": _named(baseband, "KAISER_SHAPE", "HALF_SUPPORT_S", "LEAST"),
         "MEAN_NORMALISATION": _named(

@@ -8,6 +8,7 @@ import {
   SIGMAS, ellipseOf, placeSpoken, radiusOf, within, wordsOf,
 } from "../../../../src/elfslam/serve/pages/phone/locating/words.js";
 import { joins } from "../../../../src/elfslam/serve/pages/phone/locating/walked_ground.js";
+import { makeFloors } from "../../../../src/elfslam/serve/pages/stages/floor_location.js";
 import { thinned } from "../../../../src/elfslam/serve/pages/stages/ways.js";
 import {
   LOST, NOTHING_NEAR, NO_POSITION, REFUSED, floorsNear, offersOf, questionOf, rowsOf, venuesOf,
@@ -49,6 +50,14 @@ test("every status has its words, and those with a place say how sure it is", ()
   const suspect = wordsOf({ ...nowhere("SUSPECT"), reason: "a chirp was heard before it was played" });
   assert.equal(suspect.line, "A chirp was heard before it was played.");
   assert.equal(suspect.verdict, "fail");
+});
+
+test("a floor that is not known is said before anything that its map says", () => {
+  for (const fix of [fixAt(1, 2), fixAt(1, 2, "AMBIGUOUS"), nowhere("UNKNOWN_PLACE")]) {
+    assert.equal(wordsOf({ ...fix, level: null }).title, "Floor unknown");
+    assert.notEqual(wordsOf({ ...fix, level: 0 }).title, "Floor unknown");
+  }
+  assert.equal(wordsOf({ ...nowhere("NO_ECHO"), level: null }).title, "No echoes heard");
 });
 
 test("distances are told no finer than they are known", () => {
@@ -193,6 +202,8 @@ function smallMap() {
   };
 }
 
+/** That map alone, which is of no building. */
+const alone = (floorMap) => makeFloors({ level: undefined, floorMap });
 const along = (axis) => Float32Array.from({ length: 128 }, (_, d) => (d === axis ? 1 : 0));
 
 /** A cutter that hears an echo every 0.1 s, and a listener that hears spot after spot, a second each. */
@@ -222,7 +233,7 @@ function placed(decidingOf, fixes) {
 test("a fix for every window of sound, whatever the blocks that it comes in", async () => {
   for (const block of [3, 17, 100]) {
     const fixes = [];
-    const placer = placed((floorMap, memory) => decideByWindows({ floorMap, memory }), fixes);
+    const placer = placed((floorMap, memory) => decideByWindows({ floors: alone(floorMap), locate: floorMap.parameters.locate, memory }), fixes);
     for (let first = 0; first < 330; first += block) placer.push(first, new Float32Array(Math.min(block, 330 - first)));
     await placer.idle();
     await placer.push(330, new Float32Array(1));
@@ -244,7 +255,7 @@ test("at each footstep the tracker gets what was heard since the one before", as
     },
   };
   const fixes = [];
-  const placer = placed((floorMap, memory) => decideBySteps({ floorMap, memory, footsteps, tracker }), fixes);
+  const placer = placed((floorMap, memory) => decideBySteps({ floors: alone(floorMap), memory, footsteps, trackerIn: () => tracker }), fixes);
   for (let first = 0; first < 290; first += 10) await placer.push(first, new Float32Array(10));
   assert.deepEqual(fixes.map(({ tS }) => tS), [0.9, 1.55, 1.7, 2.4]);
   assert.deepEqual(asked.map(([, scores]) => scores), [[1, 0, 0], [0, 1, 0], null, [0, 1, 1]]);
@@ -256,12 +267,12 @@ test("what is suspect says why, and places nobody by echoes alone", async () => 
   const memory = makeMemory(3);
   memory.add([0, 0.1, 0.2, 0.3], Float32Array.of(...along(0), ...along(0), ...along(0), ...along(0)));
   const spoofing = { reasonAt: (endS) => (endS < 1 ? 2 : 0) };
-  const [fix] = decideByWindows({ floorMap: map, memory, spoofing }).decide(0.6);
+  const [fix] = decideByWindows({ floors: alone(map), locate: map.parameters.locate, memory, spoofing }).decide(0.6);
   assert.deepEqual([fix.status, fix.xyM, fix.reason], ["SUSPECT", null, "sound comes before its chirp"]);
   const asked = [];
   const tracker = { step: (move, sigma, scores, suspect) => asked.push(suspect) && { status: "SUSPECT", xyM: [1, 2] } };
   const steps = [{ fromS: 0, tS: 0.7, moveM: [0.7, 0, 0], sigma: [1, 1, 1] }, { fromS: 0.7, tS: 1.4, moveM: [0.7, 0, 0], sigma: [1, 1, 1] }];
-  const fixes = decideBySteps({ floorMap: map, memory, spoofing, tracker, footsteps: { take: () => steps } }).decide(2);
+  const fixes = decideBySteps({ floors: alone(map), memory, spoofing, trackerIn: () => tracker, footsteps: { take: () => steps } }).decide(2);
   assert.deepEqual(asked, [true, false]);
   assert.deepEqual(fixes.map(({ reason }) => reason), ["sound comes before its chirp", "it sounds like a place that no step leads to"]);
 });
@@ -270,7 +281,7 @@ test("a listener that fails is told to whoever sent the sound", async () => {
   const map = smallMap();
   const memory = makeMemory(3);
   const placer = makePlacer({
-    rateHz: 100, memory, deciding: decideByWindows({ floorMap: map, memory }), onFix() {},
+    rateHz: 100, memory, deciding: decideByWindows({ floors: alone(map), locate: map.parameters.locate, memory }), onFix() {},
     cutter: { push: () => [{ tS: 0, samples: new Float32Array(2352) }] },
     listener: { embed: async () => { throw new RangeError("no encoder"); } },
   });

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -211,12 +213,13 @@ STAIRS = {
 }  # fmt: skip
 
 
-@pytest.fixture
-def building(map_id: str, server: Any, heard_map: FloorMap, tmp_path: Path) -> Iterator[list[str]]:
-    """That map with another above it, joined by stairs; its named place is Room 5."""
-    services, folder = open_services(ServerSettings(server.data)), tmp_path / "above"
+def joined_above(
+    server: Any, map_id: str, above: FloorMap, folder: Path
+) -> Iterator[tuple[str, str]]:
+    """That map as floor 0 with another above it, joined by stairs; floor 1 has a Room 5."""
+    services = open_services(ServerSettings(server.data))
     folder.mkdir()
-    ids = [map_id, plant_floor_map(services, heard_map, folder)]
+    ids = (map_id, plant_floor_map(services, above, folder))
     for level, each in enumerate(ids):
         with transaction(services.sessions) as session:
             row = session.get_one(Map, each)
@@ -232,26 +235,91 @@ def building(map_id: str, server: Any, heard_map: FloorMap, tmp_path: Path) -> I
     server.ask(f"/api/maps/{ids[1]}", "DELETE")
 
 
-def test_a_way_leads_over_floors_without_a_server(
-    pocket: Any, server: Any, building: list[str]
-) -> None:
-    """The walker stands at HERE_M and faces along y, towards the stairs."""
-    low, _ = building
+@pytest.fixture
+def alike(
+    map_id: str, server: Any, heard_map: FloorMap, tmp_path: Path
+) -> Iterator[tuple[str, str]]:
+    """A building of two floors that sound the same."""
+    yield from joined_above(server, map_id, heard_map, tmp_path / "above")
+
+
+@pytest.fixture
+def unlike(
+    map_id: str, server: Any, heard_map: FloorMap, tmp_path: Path
+) -> Iterator[tuple[str, str]]:
+    """A building of which floor 0 alone sounds as the fake microphone does."""
+    (heard,) = heard_map.payloads
+    other = Payload("elf", heard.encoder, np.roll(heard.vectors, 1, axis=1))
+    above = replace(heard_map, payloads=(other,))
+    yield from joined_above(server, map_id, above, tmp_path / "above")
+
+
+@contextmanager
+def without_a_server(pocket: Any, server: Any, floors: tuple[str, str]) -> Iterator[Any]:
+    """The floors are got with the first; then the server stops. Gives the list of maps."""
     with pocket.on() as page:
         page.goto(server.address)
         page.click("#where")
-        page.click(f"[data-map='{low}'] >> text=Get this map")
-        for each in building:
+        page.click(f"[data-map='{floors[0]}'] >> text=Get this map")
+        for each in floors:
             page.wait_for_selector(f"[data-map='{each}'] >> text=Find me here")
         page.locator("html[data-offline=kept]").wait_for()
     server.stop()
     with pocket.on() as page:
         page.goto(server.address.partition("#")[0])
         page.click("#where")
-        page.click(f"[data-map='{low}'] >> text=Find me here")
+        yield page
+
+
+def test_echoes_tell_the_floor_without_a_server(
+    pocket: Any, server: Any, unlike: tuple[str, str], tmp_path: Path
+) -> None:
+    """The walker opens the map of floor 1, and stands on floor 0."""
+    with without_a_server(pocket, server, unlike) as page:
+        page.click(f"[data-map='{unlike[1]}'] >> text=Find me here")
+        page.wait_for_selector("#place-stop:visible")
+        page.check("input[value=one-shot]", force=True)
+        wait_for_words(page, "Floor unknown")
+        assert page.inner_text("#place-title") == "Mall 1"
+        page.locator("#place-title", has_text="Mall 0").wait_for(timeout=WALK_MS)
+        wait_for_words(page, "Here, within")
+        pressed = page.locator("#place-floors [aria-pressed=true]")
+        assert pressed.get_attribute("aria-label") == "I am on the ground floor now"
+        check_view(page, 390)
+        page.click("text=On the stairs")
+        wait_for_words(page, "Floor unknown")
+        wait_for_words(page, "Here, within")
+        page.get_by_role("button", name="I am on floor 1 now").click()
+        page.locator("#place-title", has_text="Mall 1").wait_for()
+        wait_for_words(page, "An unknown place")
+        page.locator("#place-title", has_text="Mall 0").wait_for(timeout=WALK_MS)
+        page.click("#place-stop")
+        with page.expect_download() as download:
+            page.click("#place-save")
+        download.value.save_as(tmp_path / "fixes.csv")
+    fixes = read_fixes(tmp_path / "fixes.csv")
+    assert fixes.level is not None
+    told = fixes.level[fixes.status == FixStatus.OK]
+    assert set(told) == {0.0}
+    assert np.isnan(fixes.level[:15]).all(), "nothing is told of the first seconds"
+    there = fixes.xy_m[fixes.status == FixStatus.OK]
+    np.testing.assert_allclose(there, np.tile(HERE_M, (len(there), 1)), atol=0.05)
+
+
+def test_a_way_leads_over_floors_without_a_server(
+    pocket: Any, server: Any, alike: tuple[str, str]
+) -> None:
+    """The walker stands at HERE_M and faces along y, towards the stairs, and says on which floor.
+
+    Echoes cannot: the floors sound the same.
+    """
+    with without_a_server(pocket, server, alike) as page:
+        page.click(f"[data-map='{alike[0]}'] >> text=Find me here")
         page.wait_for_selector("#place-stop:visible")
         page.check("input[value=one-shot]", force=True)
         page.select_option("#way-to", label="Room 5 (room, floor 1)")
+        wait_for_words(page, "Floor unknown")
+        page.get_by_role("button", name="I am on the ground floor now").click()
         wait_for_words(page, "Here, within")
         first = "first straight ahead, after 3.0\u00a0m take the stairs to floor 1"
         page.locator("#way-words", has_text=f"Room 5, floor 1: 10\u00a0m; {first}").wait_for()
@@ -259,7 +327,8 @@ def test_a_way_leads_over_floors_without_a_server(
         page.locator("#way-words", has_text="no way without stairs is known").wait_for()
         page.uncheck("#way-stepless")
         check_view(page, 390)
-        page.click("text=I am on floor 1 now")
+        assert page.locator("#place-map").bounding_box()["width"] == 390, "below the floors"
+        page.click("#way-next")
         page.locator("#place-title", has_text="Mall 1").wait_for()
         page.locator("#way-words", has_text="Room 5: 3.2\u00a0m").wait_for(timeout=WALK_MS)
         assert page.locator("#way-next").is_hidden()

@@ -81,6 +81,11 @@ export const FACTS = {
   FULL_SCALE: 0.999,
 };
 
+export const FLOOR_VOTE = {
+  vote_s: 20,
+  least_lead: 0.02,
+};
+
 export const BASEBAND_FORMAT = {
   rate_hz: 6300,
   centre_hz: 17500,

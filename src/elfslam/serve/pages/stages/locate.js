@@ -103,8 +103,8 @@ function nowhere(tS, score, status) {
   return { tS, xyM: null, headingRad: NaN, covarianceM2: null, score, status };
 }
 
-/** @param {Float32Array} values */
-function greatest(values) {
+/** @param {ArrayLike<number>} values @returns {number} which one it is */
+export function greatest(values) {
   let best = 0;
   for (let k = 1; k < values.length; k += 1) if (values[k] > values[best]) best = k;
   return best;

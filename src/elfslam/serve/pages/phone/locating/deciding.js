@@ -1,6 +1,6 @@
 /** When there is a fix, and what it is: footstep by footstep, or every 0.6 s of sound. */
 
-import { fixOf, similarity } from "../../stages/locate.js";
+import { fixOf } from "../../stages/locate.js";
 import { REASONS } from "../../stages/spoofing.js";
 import { marked } from "../../shared/marked.js";
 
@@ -14,6 +14,8 @@ import { marked } from "../../shared/marked.js";
  * @typedef {{reasonAt: (endS: number) => number}} SpoofingCheck number of the reason to suspect what was heard, 0
  *   for none
  * @typedef {import("./words.js").Fix} Fix
+ * @typedef {import("../../stages/floor_map.js").FloorMap} FloorMap
+ * @typedef {import("../../stages/floor_location.js").Floors} Floors
  * @typedef {import("../../stages/motion/filters.js").Step} Step
  */
 
@@ -28,22 +30,27 @@ const LOOK_EVERY_S = 0.2;
 /**
  * A fix at each footstep.
  * @param {{
- *   floorMap: import("../../stages/floor_map.js").FloorMap, memory: ReturnType<typeof import("../../stages/pipeline.js").makeMemory>,
+ *   floors: Floors, memory: ReturnType<typeof import("../../stages/pipeline.js").makeMemory>,
  *   footsteps: {take: (nowS: number) => Step[]},
- *   tracker: ReturnType<typeof import("../../stages/track.js").makeTracker>,
+ *   trackerIn: (floorMap: FloorMap) => ReturnType<typeof import("../../stages/track.js").makeTracker>,
  *   spoofing?: SpoofingCheck,
- * }} given
+ * }} given trackerIn: a new one, wherever another floor is the walker's
  * @returns {Deciding}
  */
-export function decideBySteps({ floorMap, memory, footsteps, tracker, spoofing = UNCHECKED }) {
+export function decideBySteps({ floors, memory, footsteps, trackerIn, spoofing = UNCHECKED }) {
   const ready = stepsUntil(footsteps);
+  /** @type {FloorMap | null} */
+  let followedIn = null;
+  /** @type {ReturnType<typeof trackerIn>} */
+  let tracker;
   /** @param {Step} step @returns {Fix} */
   const fixOfStep = ({ fromS, tS, moveM, sigma }) => {
-    const mean = memory.mean(fromS, tS);
+    const { floorMap, scores, level } = floors.hear(tS, memory.mean(fromS, tS));
     const reason = spoofing.reasonAt(tS);
     memory.forget(tS);
-    const fix = tracker.step(moveM, sigma, mean && similarity(mean, floorMap), reason > 0);
-    return { ...fix, tS, ...(fix.status === "SUSPECT" && { reason: reason > 0 ? REASONS[reason] : JUMPS }) };
+    if (floorMap !== followedIn) [followedIn, tracker] = [floorMap, trackerIn(floorMap)];
+    const fix = tracker.step(moveM, sigma, scores, reason > 0);
+    return onFloor({ ...fix, tS, ...(fix.status === "SUSPECT" && { reason: reason > 0 ? REASONS[reason] : JUMPS }) }, level);
   };
   return { decide: (untilS) => ready(untilS).map(fixOfStep) };
 }
@@ -68,21 +75,21 @@ export function stepsUntil(footsteps) {
 
 /**
  * A fix for every window of sound, one after the other, from the first echo on.
- * @param {{floorMap: import("../../stages/floor_map.js").FloorMap,
+ * @param {{floors: Floors, locate: import("../../stages/locate.js").LocateParameters,
  *   memory: ReturnType<typeof import("../../stages/pipeline.js").makeMemory>, spoofing?: SpoofingCheck}} given
  * @returns {Deciding}
  */
-export function decideByWindows({ floorMap, memory, spoofing = UNCHECKED }) {
-  const { locate } = floorMap.parameters;
+export function decideByWindows({ floors, locate, memory, spoofing = UNCHECKED }) {
   /** @type {number | null} */
   let nextS = null;
   /** @param {number} fromS @param {number} toS */
   const fixOfWindow = (fromS, toS) => {
-    const mean = memory.mean(fromS, toS);
-    const fix = fixOf(mean && similarity(mean, floorMap), floorMap, locate, (fromS + toS) / 2);
+    const middleS = (fromS + toS) / 2;
+    const { floorMap, scores, level } = floors.hear(middleS, memory.mean(fromS, toS));
+    const fix = fixOf(scores, floorMap, locate, middleS);
     const reason = spoofing.reasonAt(toS);
     memory.forget(toS);
-    return reason > 0 ? suspected(fix, REASONS[reason]) : fix;
+    return onFloor(reason > 0 ? suspected(fix, REASONS[reason]) : fix, level);
   };
   /** @param {number} untilS */
   const decide = (untilS) => {
@@ -102,4 +109,10 @@ export function decideByWindows({ floorMap, memory, spoofing = UNCHECKED }) {
 /** @param {Fix} fix @param {string} reason @returns {Fix} */
 function suspected({ tS, score }, reason) {
   return { tS, xyM: null, headingRad: NaN, covarianceM2: null, score, status: "SUSPECT", reason };
+}
+
+/** A place on a floor that is not known is one of several. @param {Fix} fix @param {number | null | undefined} level @returns {Fix} */
+function onFloor(fix, level) {
+  if (level === undefined) return fix;
+  return { ...fix, level, status: level === null && fix.status === "OK" ? "AMBIGUOUS" : fix.status };
 }

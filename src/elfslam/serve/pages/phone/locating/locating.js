@@ -10,18 +10,25 @@ import { at, make, showView } from "../view.js";
 import { makeChoosing } from "./choosing.js";
 import { startPlacing } from "./place.js";
 import { NO_TRAIL, mountPlaceMap, withFix } from "./place_map.js";
-import { offerFixes, showMap, showPlaceFacts, showRunning, showWords, speak, speakPlace } from "./place_view.js";
+import { offerFixes, showFloors, showMap, showPlaceFacts, showRunning, showWords, speak, speakPlace } from "./place_view.js";
 import { makeConsent, offerDeletion } from "./position_publisher.js";
 import { floorWayWords, pointsOf, wayWords } from "./walked_ground.js";
-import { READYING, STOPPED, WAITING, floorName, theFloor, wordsOf } from "./words.js";
+import { FLOOR_UNKNOWN, READYING, STOPPED, WAITING, floorName, theFloor, wordsOf } from "./words.js";
+
+/** So many spots of other floors vote at once: eight floors of ten minutes' walk, 33 MB. */
+const MOST_SPOTS = 60_000;
 
 /**
  * What the view knows.
  * @typedef {object} Here
+ * @property {import("../../keeping/packages.js").Packages | null} packages
  * @property {import("../../keeping/packages.js").Opened | null} kept the map
+ * @property {WalkedFloor[]} others floors of its building on this phone
+ * @property {number} level the floor that is shown, or will be as soon as its map is open
  * @property {ReturnType<typeof mountPlaceMap> | null} map
  * @property {ReturnType<typeof offerWays> | null} ways to its named places
  * @property {import("./place_map.js").Trail} trail
+ * @property {Awaited<ReturnType<typeof startPlacing>> | null} placing
  * @property {(() => void) | null} running stops it
  */
 
@@ -35,34 +42,77 @@ import { READYING, STOPPED, WAITING, floorName, theFloor, wordsOf } from "./word
  */
 export function makeLocating({ devices, act, problem, paired }) {
   /** @type {Here} */
-  const here = { kept: null, map: null, ways: null, trail: NO_TRAIL, running: null };
+  const here = { packages: null, kept: null, others: [], level: 0, map: null, ways: null, trail: NO_TRAIL, placing: null, running: null };
   const consent = makeConsent({ problem });
   offerDeletion({ act });
   const choosing = makeChoosing({ act, chosen: open, paired });
 
-  /**
-   * @param {{id: string, name: string}} row @param {import("../../keeping/packages.js").Packages} packages
-   * @param {Goal | null} [goal] where somebody goes who comes from another floor
-   */
-  async function open(row, packages, goal = null) {
+  /** @param {{id: string}} row @param {import("../../keeping/packages.js").Packages} packages */
+  async function open(row, packages) {
     stop();
     const opening = devices(); // before anything is waited for: it needs the tap
     opening.catch(() => {});
-    here.kept = await packages.open(row.id);
-    here.map?.leave();
-    here.map = mountPlaceMap(here.kept.floorMap, row.name, { say: () => speakPlace(here.trail.fix, mode(), here.ways?.words() ?? "") });
-    const { floorMap, facts } = here.kept;
-    const others = (await Promise.all(facts.floors.map(({ map }) => packages.ground(map)))).filter((each) => each !== null);
-    const goOn = (/** @type {{map: string, name: string}} */ { map: id, name }, /** @type {Goal} */ wanted) =>
-      act(() => open({ id, name }, packages, wanted))();
-    here.ways = offerWays([{ ...facts, xyM: floorMap.xyM }, ...others], goal, here.map.setWay, goOn);
-    here.map.setPoints(facts.pointsOfInterest);
-    showMap(row.name, here.map.stage);
+    here.packages = packages;
+    here.ways = null;
+    await show(await packages.open(row.id));
     showRunning(false);
     showView("place");
-    await showPlan(here.map, facts.floorPlan);
     await opening;
     await start();
+  }
+
+  /** Whoever wants to go somewhere still does. @param {import("../../keeping/packages.js").Opened} kept */
+  async function show(kept) {
+    const { floorMap, facts } = kept;
+    here.kept = kept;
+    here.level = facts.level;
+    here.trail = NO_TRAIL;
+    here.map?.leave();
+    here.map = mountPlaceMap(floorMap, facts.name, { say: () => speakPlace(here.trail.fix, mode(), here.ways?.words() ?? "") });
+    const grounds = await Promise.all(facts.floors.map(({ map }) => here.packages?.ground(map)));
+    here.others = grounds.filter((each) => each !== null && each !== undefined);
+    here.ways = offerWays([{ ...facts, xyM: floorMap.xyM }, ...here.others], here.ways?.goal() ?? null, here.map.setWay, sayFloor);
+    showFloors([facts, ...here.others].map(({ level }) => level).sort((a, b) => a - b), facts.level, sayFloor);
+    here.map.setPoints(facts.pointsOfInterest);
+    showMap(facts.name, here.map.stage);
+    await showPlan(here.map, facts.floorPlan);
+  }
+
+  /** The map of another floor of the building. @param {number} level */
+  async function turnTo(level) {
+    consent.withdraw(); // others were to see the walker on the floor shown
+    here.level = level;
+    const { map } = here.others.find((each) => each.level === level) ?? {};
+    const kept = map && await here.packages?.open(map);
+    if (!kept || here.level !== level) return; // another one was wanted meanwhile
+    await show(kept);
+    if (here.placing) offerConsent(here.placing);
+  }
+
+  /** The walker says on which floor they are. @param {number} level */
+  const sayFloor = (level) => act(async () => {
+    const before = here.kept?.floorMap;
+    if (here.kept?.facts.level !== level) await turnTo(level);
+    if (!here.placing || !here.kept || here.level !== level) return;
+    if (here.kept.floorMap.encoder !== before?.encoder) await start(); // they were mapped apart
+    here.placing.say({ level, floorMap: here.kept.floorMap });
+  })();
+
+  /** @param {NonNullable<Here["placing"]>} placing */
+  function offerConsent({ nowS }) {
+    if (here.kept) consent.offer(here.kept.facts.map, here.kept.facts.name, nowS);
+  }
+
+  /** The other floors kept, the nearest first, as far as there is room for them. @param {NonNullable<Here["placing"]>} placing */
+  async function joinFloors(placing) {
+    const floors = [];
+    let spots = 0;
+    for (const { level, map, xyM } of [...here.others].sort((a, b) => Math.abs(a.level - here.level) - Math.abs(b.level - here.level))) {
+      if ((spots += xyM.length / 2) > MOST_SPOTS) break;
+      const kept = await here.packages?.open(map).catch(() => null); // what is damaged has no vote
+      if (kept) floors.push({ level, floorMap: kept.floorMap });
+    }
+    placing.join(floors);
   }
 
   /** Once a map is open. */
@@ -77,9 +127,10 @@ export function makeLocating({ devices, act, problem, paired }) {
     const opened = await devices();
     const awake = stayAwake(at("awake"));
     const by = mode();
-    const shown = showFixes(here, by);
+    const shown = showFixes(here, by, (level) => act(() => turnTo(level))());
     const told = { ...shown.told, fix: tellAll(shown.told.fix, consent.fix, (found) => here.ways?.fix(found)), problem: stopFor };
-    const placing = await startPlacing(opened, here.kept, by, told).catch((error) => {
+    const level = here.others.length > 0 ? here.kept.facts.level : undefined;
+    const placing = await startPlacing(opened, here.kept, level, by, told).catch((error) => {
       awake.stop();
       at("place-start").disabled = false;
       tell(STOPPED);
@@ -87,8 +138,10 @@ export function makeLocating({ devices, act, problem, paired }) {
     });
     tell(WAITING[by]);
     shown.begin(placing.playedUntil);
-    consent.offer(here.kept.facts.map, here.kept.facts.name, placing.nowS);
+    here.placing = placing;
+    offerConsent(placing);
     here.running = () => {
+      here.placing = null;
       consent.withdraw();
       shown.end();
       placing.stop();
@@ -98,6 +151,7 @@ export function makeLocating({ devices, act, problem, paired }) {
     at("place-start").disabled = false;
     showRunning(true);
     if (mode() !== by) await start(); // it was chosen while the devices opened
+    else if (level !== undefined) await joinFloors(placing);
   }
 
   function stop() {
@@ -127,6 +181,10 @@ export function makeLocating({ devices, act, problem, paired }) {
   at("place-stop").addEventListener("click", stopByHand);
   at("place-start").addEventListener("click", act(start));
   at("place-back").addEventListener("click", act(leave));
+  at("place-stairs").addEventListener("click", () => {
+    here.placing?.say(null);
+    tell(FLOOR_UNKNOWN);
+  });
   at("place-mode").addEventListener("change", () => here.running && act(start)());
   return { list: choosing.list, stopFor };
 }
@@ -172,11 +230,11 @@ const CLOCK_MS = 500;
  */
 
 /**
- * @param {Here} here @param {"track" | "one-shot"} mode
+ * @param {Here} here @param {"track" | "one-shot"} mode @param {(level: number) => void} turnTo the floor of the walker is another
  * @returns {{told: {fix: (fix: Fix) => void, echo: (echo: {tS: number}) => void},
  *   begin: (playedUntil: PlayedUntil) => void, end: () => void, fixes: () => Fix[]}}
  */
-function showFixes(here, mode) {
+function showFixes(here, mode, turnTo) {
   /** @type {Fix[]} */
   const fixes = [];
   const echoes = { count: 0, lastS: NaN };
@@ -186,6 +244,8 @@ function showFixes(here, mode) {
   /** @param {Fix} found */
   const fix = (found) => {
     fixes.push(found);
+    if (typeof found.level === "number" && found.level !== here.level) turnTo(found.level);
+    if (here.level !== here.kept?.facts.level) return; // its map comes
     here.trail = withFix(here.trail, found);
     here.map?.setTrail(here.trail);
     showWords(wordsOf(found));
@@ -240,19 +300,20 @@ function makeSpeaker(first) {
 
 // Fixes as a table, the same that `elfslam locate` writes. Pure.
 
-const HEADER = "t_s,x_m,y_m,heading_rad,sigma_m,status\n";
+const HEADER = "t_s,x_m,y_m,heading_rad,sigma_m,status";
 
 /** @param {import("./words.js").Fix[]} fixes @param {number} zeroS of their clock, which is 0 in the table */
 function tableOfFixes(fixes, zeroS) {
-  return HEADER + fixes.map((fix) => rowOf(fix, zeroS)).join("");
+  const header = fixes[0]?.level === undefined ? HEADER : `${HEADER},level`;
+  return `${header}\n${fixes.map((fix) => rowOf(fix, zeroS)).join("")}`;
 }
 
 /** @param {import("./words.js").Fix} fix @param {number} zeroS */
-function rowOf({ tS, xyM, headingRad, covarianceM2, status }, zeroS) {
+function rowOf({ tS, xyM, headingRad, covarianceM2, status, level }, zeroS) {
   const sigma = covarianceM2 ? Math.sqrt((covarianceM2[0] + covarianceM2[2]) / 2) : NaN;
   const numbers = [...(xyM ?? [NaN, NaN]), headingRad, sigma];
   const cells = numbers.map((value) => (Number.isFinite(value) ? value.toFixed(6) : ""));
-  return `${[(tS - zeroS).toFixed(6), ...cells, status].join()}\n`;
+  return `${[(tS - zeroS).toFixed(6), ...cells, status, ...(level === undefined ? [] : [level])].join()}\n`;
 }
 
 // The way to a room, a door or another named place, on the floor that the walker is on or on another of its building.
@@ -265,7 +326,7 @@ function rowOf({ tS, xyM, headingRad, covarianceM2, status }, zeroS) {
  * Offers the named places of a building.
  * @param {WalkedFloor[]} floors on this phone, that of the open map first @param {Goal | null} coming already chosen
  * @param {(goal: PointOfInterest | null, line: import("../../shared/map/projection.js").Point[]) => void} show on the map
- * @param {(floor: WalkedFloor, goal: Goal) => void} goOn the walker is on another floor now
+ * @param {(level: number) => void} goOn the walker is on another floor now
  */
 function offerWays(floors, coming, show, goOn) {
   const [here] = floors;
@@ -324,7 +385,7 @@ function offerWays(floors, coming, show, goOn) {
     if (!next) return;
     const words = t("I am on {{floor}} now", { floor: theFloor(next.level) });
     if (button.textContent !== words) button.textContent = words;
-    button.onclick = () => wanted && goOn(next, wanted.goal);
+    button.onclick = () => goOn(next.level);
   }
 
   const kept = goals.findIndex(({ floor, point }) => floor.map === coming?.floor.map && point.name === coming.point.name);
@@ -333,6 +394,8 @@ function offerWays(floors, coming, show, goOn) {
   return {
     /** @returns {string} "" where nobody asks */
     words: () => said,
+    /** @returns {Goal | null} */
+    goal: () => wanted?.goal ?? null,
     /** @param {Fix | null} fix null before the first */
     fix(fix) {
       latest = fix;

@@ -15,27 +15,31 @@ const TOO_OLD = t("This browser cannot run the part of the page that locates. Us
  *   echo: (echo: {tS: number, facts: object}) => void,
  *   problem: (said: string) => void,
  * }} Told
- * @typedef {{latenessS: number | null, playedS: number[],
- *   heard: (slot: number, othersS: number[], played: boolean) => void}} Latest
+ * @typedef {import("../../stages/floor_location.js").Floor} Floor
+ * @typedef {{latenessS: number | null, playedS: number[], unheeded: number,
+ *   heard: (slot: number, othersS: number[], played: boolean) => void}} Latest unheeded: what the walker said
+ *   and the worker does not know yet
  */
 
 /**
  * @param {import("../devices.js").Devices} devices
  * @param {{floorMap: import("../../stages/floor_map.js").FloorMap, encoderBytes: Uint8Array<ArrayBuffer>}} kept
+ * @param {number | undefined} level of it, where other floors are to join
  * @param {"track" | "one-shot"} mode
  * @param {Told} told
  * @returns {Promise<{stop: () => void, zeroS: () => number, nowS: () => number,
- *   playedUntil: (heardS: number) => number}>} zeroS: when, on the clock of the fixes, the first chirp was heard;
- *   nowS: what that clock shows now; playedUntil: how many should have been heard
+ *   playedUntil: (heardS: number) => number, join: (floors: Floor[]) => void, say: (floor: Floor | null) => void}>}
+ *   zeroS: when, on the clock of the fixes, the first chirp was heard; nowS: what that clock shows now; playedUntil: how
+ *   many should have been heard; join: takes the maps of the other floors; say: where the walker says that they are
  */
-export async function startPlacing({ microphone, clocks, playSlots }, { floorMap, encoderBytes }, mode, told) {
+export async function startPlacing({ microphone, clocks, playSlots }, { floorMap, encoderBytes }, level, mode, told) {
   const worker = new Worker(new URL("./place.worker.js", import.meta.url), { type: "module" });
   const { port1, port2 } = new MessageChannel();
   const rateHz = microphone.context.sampleRate;
   /** @type {Latest} */
-  const latest = { latenessS: null, playedS: [], heard: () => {} };
+  const latest = { latenessS: null, playedS: [], unheeded: 0, heard: () => {} };
   const ready = untilReady(worker, told, latest);
-  worker.postMessage({ do: "open", rateHz, floorMap, encoderBytes, mode, source: port1 }, [port1]);
+  worker.postMessage({ do: "open", rateHz, level, floorMap, encoderBytes, mode, source: port1 }, [port1]);
   try {
     await ready;
   } catch (error) {
@@ -59,10 +63,20 @@ export async function startPlacing({ microphone, clocks, playSlots }, { floorMap
   const lateS = () => latest.latenessS ?? 0;
   return {
     stop,
+    join: (floors) => worker.postMessage({ do: "join", floors }, floors.flatMap(({ floorMap: joining }) => buffersOf(joining))),
+    say(floor) {
+      latest.unheeded += 1;
+      worker.postMessage({ do: "say", floor });
+    },
     zeroS: () => (latest.playedS[0] ?? 0) + lateS(),
     nowS: () => soundTime(clocks.line(), performance.now()) + lateS(),
     playedUntil: (heardS) => latest.playedS.filter((playedS) => playedS + lateS() < heardS + SAME_S).length,
   };
+}
+
+/** Of all that a map holds. @param {object} floorMap @returns {ArrayBufferLike[]} */
+function buffersOf(floorMap) {
+  return Object.values(floorMap).filter(ArrayBuffer.isView).map(({ buffer }) => buffer);
 }
 
 /** @param {Worker} worker @param {Told} told @param {Latest} latest @returns {Promise<void>} */
@@ -71,7 +85,8 @@ function untilReady(worker, told, latest) {
     worker.onerror = () => reject(new Error(TOO_OLD));
     worker.onmessage = ({ data }) => {
       if (data.is === "ready") resolve();
-      if (data.is === "fix") told.fix(data.fix);
+      if (data.is === "said") latest.unheeded -= 1;
+      if (data.is === "fix" && latest.unheeded === 0) told.fix(data.fix);
       if (data.is === "echo") {
         latest.latenessS = data.latenessS;
         told.echo(data);

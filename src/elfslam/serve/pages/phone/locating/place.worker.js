@@ -4,6 +4,7 @@
  */
 
 import { encoderFor, openEncoder } from "../../stages/encoder.js";
+import { makeFloors } from "../../stages/floor_location.js";
 import { checkedMap } from "../../stages/floor_map.js";
 import { makeRandom } from "../../stages/particles.js";
 import { openPipeline } from "../../stages/pipeline.js";
@@ -16,11 +17,14 @@ const SEED = 0;
 
 /**
  * @typedef {import("../../stages/floor_map.js").FloorMap} FloorMap
+ * @typedef {import("../../stages/floor_location.js").Floor} Floor
  * @typedef {"track" | "one-shot"} Mode
  */
 
 /** @type {ReturnType<typeof openPipeline> | null} */
 let pipeline = null;
+/** @type {ReturnType<typeof makeFloors> | null} */
+let floors = null;
 
 const orders = {
   open: openMap,
@@ -28,18 +32,26 @@ const orders = {
   motion: ({ readings }) => pipeline?.motion(readings),
   /** @param {{slot: Parameters<ReturnType<typeof openPipeline>["slot"]>[0]}} order */
   slot: ({ slot }) => pipeline?.slot(slot),
+  /** The other floors of the building. @param {{floors: Floor[]}} order */
+  join: ({ floors: others }) => floors?.join(others),
+  /** The walker says where they are; what comes from now on is by that. @param {{floor: Floor | null}} order */
+  say({ floor }) {
+    floors?.say(floor);
+    self.postMessage({ is: "said" });
+  },
 };
 
 self.onmessage = ({ data }) => orders[/** @type {keyof typeof orders} */ (data.do)](data);
 
 /**
- * @param {{rateHz: number, floorMap: FloorMap, encoderBytes: Uint8Array<ArrayBuffer>, mode: Mode,
+ * @param {{rateHz: number, level: number | undefined, floorMap: FloorMap, encoderBytes: Uint8Array<ArrayBuffer>, mode: Mode,
  *   source: MessagePort}} order
  */
-async function openMap({ rateHz, floorMap, encoderBytes, mode, source }) {
+async function openMap({ rateHz, level, floorMap, encoderBytes, mode, source }) {
   try {
-    const opened = await pipelineFor(rateHz, checkedMap(floorMap), encoderBytes, mode);
-    pipeline = opened;
+    const here = makeFloors({ level, floorMap: checkedMap(floorMap) });
+    const opened = await pipelineFor(rateHz, here, floorMap, encoderBytes, mode);
+    [pipeline, floors] = [opened, here];
     source.onmessage = ({ data }) => opened.push(data.first, data.samples).catch(tellProblem);
     self.postMessage({ is: "ready" });
   } catch (error) {
@@ -48,10 +60,10 @@ async function openMap({ rateHz, floorMap, encoderBytes, mode, source }) {
 }
 
 /**
- * @param {number} rateHz @param {FloorMap} floorMap @param {Uint8Array<ArrayBuffer>} encoderBytes
- * @param {Mode} mode
+ * @param {number} rateHz @param {ReturnType<typeof makeFloors>} floors @param {FloorMap} floorMap that is open
+ * @param {Uint8Array<ArrayBuffer>} encoderBytes @param {Mode} mode
  */
-async function pipelineFor(rateHz, floorMap, encoderBytes, mode) {
+async function pipelineFor(rateHz, floors, floorMap, encoderBytes, mode) {
   const { parameters } = floorMap;
   const listener = encoderFor(floorMap, await openEncoder(encoderBytes, {}));
   const spoofing = makeSpoofingCheck(parameters.spoofing);
@@ -59,13 +71,13 @@ async function pipelineFor(rateHz, floorMap, encoderBytes, mode) {
     rateHz, parameters, listener, spoofing, onFix, onEcho,
     onHeard: (heard) => self.postMessage({ is: "heard", ...heard }),
     decide: (memory, footsteps) => mode === "track"
-      ? decideBySteps({ floorMap, memory, footsteps, spoofing, tracker: trackerOf(floorMap) })
-      : decideByWindows({ floorMap, memory, spoofing }),
+      ? decideBySteps({ floors, memory, footsteps, spoofing, trackerIn })
+      : decideByWindows({ floors, locate: parameters.locate, memory, spoofing }),
   });
 }
 
 /** @param {FloorMap} floorMap */
-function trackerOf(floorMap) {
+function trackerIn(floorMap) {
   return makeTracker(floorMap, floorMap.parameters.track, makeRandom(SEED));
 }
 

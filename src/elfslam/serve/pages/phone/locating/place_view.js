@@ -2,7 +2,7 @@
 
 import { formatBytes, formatDuration, formatShare, formatWhen } from "../../shared/format.js";
 import { at, make } from "../view.js";
-import { WAITING, placeSpoken, wordsOf } from "./words.js";
+import { WAITING, placeSpoken, theFloor, wordsOf } from "./words.js";
 import { t } from "../../shared/words.js";
 
 const SIGNS = { pass: "✓", doubt: "?", fail: "!", wait: "…" };
@@ -48,8 +48,22 @@ export function showMap(name, stage) {
   at("place-map").replaceChildren(stage);
 }
 
+/**
+ * The floors that a walker may say they are on. @param {number[]} levels @param {number} here that of the map shown
+ * @param {(level: number) => void} say
+ */
+export function showFloors(levels, here, say) {
+  const buttons = levels.length > 1 ? levels.map((level) => make("button", {
+    type: "button", ariaPressed: String(level === here), onclick: () => say(level),
+    ariaLabel: t("I am on {{floor}} now", { floor: theFloor(level) }),
+  }, [String(level)])) : [];
+  at("place-floors").replaceChildren(...buttons, at("place-stairs"));
+  at("place-floors").hidden = buttons.length === 0;
+}
+
 /** @param {boolean} isRunning */
 export function showRunning(isRunning) {
+  at("place-stairs").hidden = !isRunning;
   at("place-stop").hidden = !isRunning;
   at("place-start").hidden = isRunning;
   at("place-facts").hidden = !isRunning && at("place-clock").textContent === "0:00";

@@ -1,4 +1,4 @@
-/** The switch by which a walker lets others see where they are: off at first, and off when locating ends. */
+/** The switch by which a walker lets others see where they are: off at first, when locating ends, and when the floor changes. */
 
 import { ask } from "../../shared/api.js";
 import { t } from "../../shared/words.js";

@@ -13,6 +13,7 @@ import { inSentence, t, translated } from "../../shared/words.js";
  * @property {number} score
  * @property {Status} status
  * @property {string} [reason] why it is suspect
+ * @property {number | null} [level] in a building, null where it is not known; the place is then one on the floor shown
  */
 /** @typedef {{verdict: "pass" | "doubt" | "fail" | "wait", title: string, line: string}} Words */
 
@@ -27,6 +28,15 @@ export const READYING = { verdict: "wait", title: t("Getting ready"), line: t("T
 /** @type {Words} */
 export const STOPPED = { verdict: "wait", title: t("Stopped"), line: t("The map shows where you were.") };
 
+/** @type {Words} as long as the vote of the echoes decides on no floor of a building */
+export const FLOOR_UNKNOWN = {
+  verdict: "doubt",
+  title: t("Floor unknown"),
+  line: t("The echoes do not tell the floors apart yet. Walk on, or tap the floor that you are on."),
+};
+/** What echoes say that come from one of the floors. */
+const SOUNDS_KNOWN = ["OK", "AMBIGUOUS", "UNKNOWN_PLACE"];
+
 /** @param {number} metres @returns {string} "0.3 m", "12 m": no finer than it is known */
 export function within(metres) {
   return `${metres < 9.95 ? formatNumber(Math.max(metres, 0.1), 1) : Math.round(metres)}\u00a0m`;
@@ -34,6 +44,7 @@ export function within(metres) {
 
 /** @param {Fix} fix @returns {Words} */
 export function wordsOf(fix) {
+  if (fix.level === null && SOUNDS_KNOWN.includes(fix.status)) return FLOOR_UNKNOWN;
   return SAYING[fix.status]?.(fix) ?? { verdict: "doubt", title: fix.status, line: "" };
 }
 
