@@ -11,9 +11,8 @@ import { countStatuses, parseFixes } from "../../../src/elfslam/serve/pages/desk
 import {
   corners, firstPlacement, imageMatrix, isOnPlan, mapToPlan, middle, moved, planToMap, rounded, stretched, turned, widened, wrapped,
 } from "../../../src/elfslam/serve/pages/shared/map/placement.js";
-import { grabPlan, snapped } from "../../../src/elfslam/serve/pages/desk/viewer/canvas.js";
+import { focusAt, grabPlan, nextFocus, snapped, tell } from "../../../src/elfslam/serve/pages/desk/viewer/canvas.js";
 import { fit, pan, pinch, scaleBar, toMap, toScreen, zoomAt } from "../../../src/elfslam/serve/pages/shared/map/projection.js";
-import { focusAt, nextFocus, tell } from "../../../src/elfslam/serve/pages/desk/viewer/hover_text.js";
 
 const SIZE = { width: 800, height: 600 };
 const VIEW = { x_m: 2, y_m: -1, px_per_m: 50 };

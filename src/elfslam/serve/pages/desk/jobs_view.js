@@ -3,11 +3,10 @@
 import { requestJson } from "../shared/api.js";
 import { orSay } from "./dialogs.js";
 import { h } from "../shared/dom.js";
-import { missingWords, stageWords } from "../shared/job_words.js";
+import { formatAgo, formatDuration, formatShare, missingWords, secondsBetween, stageWords } from "../shared/format.js";
 import {
   cell, emptyPage, headOf, iconButton, matching, nothingFound, rowHead, sorted, stateCell, tableOf, toolbarOf,
 } from "./lists.js";
-import { formatAgo, formatDuration, formatShare, secondsBetween } from "../shared/format.js";
 import { isOpen, jobTitle } from "./store.js";
 import { counted, t, translated } from "../shared/words.js";
 

@@ -7,10 +7,23 @@ import { grouped } from "../shared/places.js";
 import { counted, t } from "../shared/words.js";
 import { askToMerge, confirmDelete, orSay, say, showPerson } from "./dialogs.js";
 import {
-  cell, chooseCell, chosenOf, deleteChosen, emptyPage, headOf, iconButton, lengthCell, matching, nothingFound,
-  rowHead, sorted, tableInGroups, toolbarOf,
+  cell,
+  chooseCell,
+  chosenOf,
+  deleteChosen,
+  emptyPage,
+  headOf,
+  iconButton,
+  lengthCell,
+  matching,
+  nothingFound,
+  renameMap,
+  renamePlace,
+  rowHead,
+  sorted,
+  tableInGroups,
+  toolbarOf,
 } from "./lists.js";
-import { renameMap, renamePlace } from "./renaming.js";
 import { leaveMap, ownerBadge, shareMap, sharedWords } from "./sharing.js";
 import { keptOf } from "./timeline.js";
 

@@ -4,13 +4,26 @@ import { request, requestJson } from "../shared/api.js";
 import { askToLocate, askToMap, confirmDelete, orSay, say } from "./dialogs.js";
 import { h, icon } from "../shared/dom.js";
 import {
-  cell, chooseCell, chosenOf, deleteChosen, emptyPage, headOf, iconButton, lengthCell, matching, nothingFound,
-  rowHead, sorted, stateCell, tableOf, toolbarOf,
+  cell,
+  chooseCell,
+  chosenOf,
+  deleteChosen,
+  emptyPage,
+  headOf,
+  iconButton,
+  lengthCell,
+  matching,
+  nothingFound,
+  renameRecording,
+  rowHead,
+  sorted,
+  stateCell,
+  tableOf,
+  toolbarOf,
 } from "./lists.js";
 import { fileName, formatAgo, formatBytes, formatDuration } from "../shared/format.js";
 import { stateOfJob } from "./jobs_view.js";
 import { ENDINGS } from "./uploads.js";
-import { renameRecording } from "./renaming.js";
 import { isOpen, mappingOf } from "./store.js";
 import { counted, t, translated, woven } from "../shared/words.js";
 import { isDemonstration } from "./maps_view.js";

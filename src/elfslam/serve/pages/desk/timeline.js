@@ -1,8 +1,7 @@
 // A recording along its time: where it has sound and motion, and the stretch that is chosen of it.
 
 import { h, icon, svg } from "../shared/dom.js";
-import { formatMoment } from "../shared/format.js";
-import { missingLine } from "../shared/job_words.js";
+import { formatMoment, missingLine } from "../shared/format.js";
 import { t } from "../shared/words.js";
 import { part } from "./viewer/panel.js";
 
@@ -104,7 +103,7 @@ export function stretchField(course, given = [0, course.duration_s]) {
 /** Hidden for a map of several walks, and where the recording is gone and lacked nothing.
  * @param {Map_} map @param {Recording | undefined} recording @param {() => void} again */
 export function recordedPart({ kind, facts }, recording, again) {
-  const missing = /** @type {import("../shared/job_words.js").Missing[]} */ (facts?.missing ?? []);
+  const missing = /** @type {import("../shared/format.js").Missing[]} */ (facts?.missing ?? []);
   if (kind !== "run" || (!recording && missing.length === 0)) return h("section", { hidden: true });
   const kept = keptOf(facts);
   const course = recording ? courseOf(recording) : null;

@@ -82,7 +82,7 @@ export function makeMotionLog(onReading, sinceS = 0) {
  * @param {{
  *   microphone: import("./microphone.js").Microphone, sound: Sound,
  *   storage: StorageClient, clocks: ReturnType<typeof import("./clocks.js").watchClocks>,
- *   play: (delayS: number, tell: (slot: Slot) => void) => ReturnType<typeof import("./player.js").startSlots>,
+ *   play: (delayS: number, tell: (slot: Slot) => void) => ReturnType<typeof import("./devices.js").startSlots>,
  *   mediumAccess: MediumAccessParameters, latencyS: number | null,
  *   sent: Sent, heard: (peak: number, isFound: boolean) => void, fromS?: number,
  * }} given
