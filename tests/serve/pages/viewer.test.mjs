@@ -7,7 +7,7 @@ import {
   STEP_OF_SIGMA, cellAt, colourAt, contrast, indexOf, lengthOf, limitsOf, luminance, medianOf, nearest, rgbOf,
   sceneOf, stepAt, stretches, timeColour,
 } from "../../../src/elfslam/serve/pages/desk/viewer/scene.js";
-import { countStatuses, parseFixes } from "../../../src/elfslam/serve/pages/desk/viewer/state.js";
+import { countStatuses, parseFixes } from "../../../src/elfslam/serve/pages/desk/viewer/scene.js";
 import {
   corners, firstPlacement, imageMatrix, isOnPlan, mapToPlan, middle, moved, planToMap, rounded, stretched, turned, widened, wrapped,
 } from "../../../src/elfslam/serve/pages/shared/map/placement.js";

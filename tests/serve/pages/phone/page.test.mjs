@@ -14,7 +14,7 @@ import {
 import {
   NO_STEPS, accelerationOf, accelerationSign, countStep, describeMotion, tableRow, turningOf,
 } from "../../../../src/elfslam/serve/pages/phone/motion.js";
-import { joined } from "../../../../src/elfslam/serve/pages/phone/idb_store.js";
+import { joined } from "../../../../src/elfslam/serve/pages/phone/byte_stores.js";
 import { toPcm, wavHeader } from "../../../../src/elfslam/serve/pages/phone/framer.js";
 import { troubleOf } from "../../../../src/elfslam/serve/pages/phone/sending.js";
 import { judge, summarise } from "../../../../src/elfslam/serve/pages/phone/verdicts.js";

@@ -16,7 +16,7 @@ import {
   smoothHeading,
   verticalBounce,
 } from "../../../../src/elfslam/serve/pages/stages/motion/live.js";
-import { inRunsOf, level } from "../../../../src/elfslam/serve/pages/stages/motion/level.js";
+import { inRunsOf, level } from "../../../../src/elfslam/serve/pages/stages/motion/filters.js";
 import { columnsOf, roundHalfEven, wrapAngle } from "../../../../src/elfslam/serve/pages/stages/motion/filters.js";
 
 const { parameters, walks, live, peaks } = JSON.parse(readFileSync(process.env.ELFSLAM_VECTORS));

@@ -9,10 +9,9 @@ import { choosing, firstOrder, forgetGone, tickBoxes } from "./lists.js";
 import { openMap } from "./map_page.js";
 import { mapActions, mapsView } from "./maps_view.js";
 import { openRecording } from "./recording_page.js";
-import { recordingActions, recordingsView } from "./recordings_view.js";
+import { recordingActions, recordingsView, onDrop, uploader } from "./recordings_view.js";
 import { blankPage, pageOf, showDoor, showWho, whoIsHere, userActions, usersView } from "./session.js";
 import { isOpen, keepKnown, poll } from "./store.js";
-import { onDrop, uploader } from "./uploads.js";
 
 /**
  * @typedef {object} Desk what every page of the desk can use

@@ -10,14 +10,12 @@ import { renameMap, smallButton } from "./lists.js";
 import { deleteMap, downloadsOf, factsOf } from "./maps_view.js";
 import { addressField, blankPage } from "./session.js";
 import { sharedWords, shareMap } from "./sharing.js";
-import { keptOf, recordedPart } from "./timeline.js";
+import { keptOf, recordedPart } from "./jobs_view.js";
 import { mountCanvas } from "./viewer/canvas.js";
 import { livePart } from "./viewer/live.js";
-import { layerPart, legendOf, locatedPart, part, walkPart } from "./viewer/panel.js";
+import { layerPart, legendOf, locatedPart, part, walkPart, pointsOf } from "./viewer/panel.js";
 import { planOf, planType } from "./viewer/plan_panel.js";
-import { pointsOf } from "./viewer/points_part.js";
-import { sceneOf } from "./viewer/scene.js";
-import { firstState, parseFixes } from "./viewer/state.js";
+import { sceneOf, firstState, parseFixes } from "./viewer/scene.js";
 
 /** @typedef {import("./main.js").Desk} Desk */
 /** @typedef {import("./store.js").Map_} Map_ */
@@ -227,7 +225,7 @@ async function mapAgain(desk, map, recording) {
 }
 
 /** The walks located in this map, or in another of its building, that are not shown yet. @param {Desk} desk @param {string} id
- * @param {Set<string>} seen @param {import("./viewer/state.js").State} state @param {() => void} fillPanel */
+ * @param {Set<string>} seen @param {import("./viewer/scene.js").State} state @param {() => void} fillPanel */
 async function loadLocated(desk, id, seen, state, fillPanel) {
   const factsOf = (/** @type {string} */ map) => desk.known.maps.find((each) => each.id === map)?.facts ?? {};
   const here = factsOf(id);

@@ -25,7 +25,7 @@ import {
   toolbarOf,
 } from "./lists.js";
 import { leaveMap, ownerBadge, shareMap, sharedWords } from "./sharing.js";
-import { keptOf } from "./timeline.js";
+import { keptOf } from "./jobs_view.js";
 
 /** @typedef {import("./store.js").Map_} Map_ */
 /** @typedef {import("./main.js").Desk} Desk */

@@ -1,7 +1,7 @@
 /** Microphone, loudspeaker and motion of this phone, as walking and locating share them. */
 
 import { excitationOf, periodSamples } from "../stages/chirp.js";
-import { afterSlot, initialSchedule, isPlayed } from "../stages/medium_access.js";
+import { afterSlot, initialSchedule, isPlayed } from "../stages/hearing.js";
 import { watchClocks } from "./clocks.js";
 import { keptChoice, openMicrophone } from "./microphone.js";
 import { allowMotion } from "./motion.js";
@@ -13,14 +13,14 @@ import { allowMotion } from "./motion.js";
  *   play: (delayS: number, count?: number) => ReturnType<typeof startChirps>,
  *   playSlots: (delayS: number, tell: (slot: {slot: number, start: number, played: number | null,
  *     gainDb: number}) => void,
- *     parameters?: import("../stages/medium_access.js").MediumAccessParameters) => ReturnType<typeof startSlots>,
+ *     parameters?: import("../stages/hearing.js").MediumAccessParameters) => ReturnType<typeof startSlots>,
  * }} Devices
  */
 
 /**
  * Must be called from a tap. Raises Problem.
  * @param {import("./storage_client.js").StorageClient} storage @param {import("../stages/chirp.js").Chirp} chirp
- * @param {import("../stages/medium_access.js").MediumAccessParameters} mediumAccess as the server takes them
+ * @param {import("../stages/hearing.js").MediumAccessParameters} mediumAccess as the server takes them
  * @returns {Promise<Devices>}
  */
 export async function openDevices(storage, chirp, mediumAccess) {
@@ -181,7 +181,7 @@ export function startChirps(context, chirp, period, delayS, count = Infinity) {
  * @param {Float32Array<ArrayBuffer>} chirp samples at the context's rate
  * @param {number} period samples
  * @param {number} delayS from now to the first slot
- * @param {import("../stages/medium_access.js").MediumAccessParameters} parameters
+ * @param {import("../stages/hearing.js").MediumAccessParameters} parameters
  * @param {(slot: {slot: number, start: number, played: number | null, gainDb: number}) => void} tell of
  *   each slot in its order and in advance; start and played are frames of the clock, gainDb is how loud
  * @returns {{heard: (slot: number, othersS: number[], played: boolean) => void, stop: () => number}} heard:

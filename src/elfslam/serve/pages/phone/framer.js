@@ -1,7 +1,7 @@
 /** From the stream to frames: finds the direct arrival of every chirp and cuts what is kept of it. */
 
 import { ECHO_PARAMETERS } from "../stages/constants.js";
-import { makeScheduleSearch } from "../stages/echo_schedule.js";
+import { makeScheduleSearch } from "../stages/echo_arrivals.js";
 import { earliest, makeEnvelope, makeMatchedFilter, median, strongest } from "../stages/matched_filter.js";
 import { makeStream } from "../stages/resample.js";
 import { BASEBAND, makeBandFilter, makeBaseband, scaleOf, toInt16 } from "./baseband.js";
@@ -270,7 +270,7 @@ const HEARD_S = 4;
 
 /**
  * @typedef {Arrival & {played: number}} ScheduledArrival
- * @typedef {import("../stages/echo_schedule.js").Scheduled} Scheduled
+ * @typedef {import("../stages/echo_arrivals.js").Scheduled} Scheduled
  */
 
 /**
@@ -284,7 +284,7 @@ const HEARD_S = 4;
 export function makeScheduled({ rateHz, chirp, period, guess, origin = 0 }) {
   const envelopeOf = makeEnvelope(chirp);
   const envelope = makeStream(HEARD_S * rateHz, origin);
-  /** @type {import("../stages/echo_schedule.js").ScheduleSearch | null} */
+  /** @type {import("../stages/echo_arrivals.js").ScheduleSearch | null} */
   let search = null;
   let hasHeard = false;
 

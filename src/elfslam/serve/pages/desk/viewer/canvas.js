@@ -7,13 +7,11 @@ import { density, makeScale, mountSurface, zoomButtons } from "../../shared/map/
 import { corners, isOnPlan, middle, moved, stretched, turned } from "../../shared/map/placement.js";
 import { around, boundsOf, fit, toMap, toScreen } from "../../shared/map/projection.js";
 import { counted, t } from "../../shared/words.js";
-import { draw } from "./draw.js";
+import { draw, drawMarks, focusPlace, HANDLE_PX, handlesOf } from "./draw.js";
 import { drawLive } from "./live.js";
-import { drawMarks, focusPlace, HANDLE_PX, handlesOf } from "./marks.js";
-import { cellAt, nearest, stepAt } from "./scene.js";
-import { paletteOf, STATUS_WORDS } from "./state.js";
+import { cellAt, nearest, stepAt, paletteOf, STATUS_WORDS } from "./scene.js";
 
-/** @typedef {import("./state.js").State} State */
+/** @typedef {import("./scene.js").State} State */
 /** @typedef {import("./scene.js").Scene} Scene */
 
 const MANY_FOOTSTEPS = 3000;
@@ -59,7 +57,7 @@ export function mountCanvas(scene, state, name, told) {
     tip.style.translate = `${left}px ${above < 8 ? y + 18 : above}px`;
   }
 
-  function setFocus(/** @type {import("./state.js").Focus | null} */ focus, spokenToo = false) {
+  function setFocus(/** @type {import("./scene.js").Focus | null} */ focus, spokenToo = false) {
     state.focus = focus;
     if (focus && spokenToo) {
       const { name: title, line } = tell(scene, state, focus);
@@ -194,7 +192,7 @@ function plus(one, other) {
 
 // What is under the finger, in words. Pure.
 
-/** @typedef {import("./state.js").Focus} Focus */
+/** @typedef {import("./scene.js").Focus} Focus */
 
 /** The footstep, fix or square at a place; null where there is nothing.
  * @param {Scene} scene @param {State} state @param {Point} xy_m @param {number} reach_m
@@ -246,7 +244,7 @@ function tellStep(walk, step) {
   return { name: walk.name, line: parts.join(" · ") };
 }
 
-/** @param {import("./state.js").Located} located @param {number} at */
+/** @param {import("./scene.js").Located} located @param {number} at */
 function tellFix({ name, fixes }, at) {
   const { t_s, xy_m, sigma_m, status } = fixes[at];
   const parts = [STATUS_WORDS[status] ?? status, t("at {{time}}", { time: formatDuration(t_s) })];

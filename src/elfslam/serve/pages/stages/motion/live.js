@@ -6,17 +6,9 @@
 
 import { MOTION } from "../constants.js";
 import {
-  bandPass,
-  differences,
-  halfways,
-  interpolate,
-  interpolateAll,
-  roundHalfEven,
-  runningMedian,
-  usualPadding,
-  zeroPhase,
+  bandPass, differences, halfways, interpolate, interpolateAll, roundHalfEven, runningMedian, usualPadding, zeroPhase,
+  averaged, evenlySampled, GRAVITY_MPS2, level, NO_REST, rateOf, restUntil, stillRows,
 } from "./filters.js";
-import { averaged, evenlySampled, GRAVITY_MPS2, level, NO_REST, rateOf, restUntil, stillRows } from "./level.js";
 
 /**
  * @typedef {import("./filters.js").Imu} Imu
