@@ -13,7 +13,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from elfslam.base.bounds import FARTHEST_M
-from elfslam.base.enums import LONGEST_S, Modality, Mode, parse_modalities, parse_stretch
+from elfslam.base.enums import LONGEST_S, Modality, Mode, parse_stretch, refusal_of
 from elfslam.base.errors import ParameterError
 from elfslam.serve.jobs import queue as jobs
 from elfslam.serve.jobs.executors import FIXES
@@ -58,10 +58,8 @@ class MapWanted(BaseModel):
     @field_validator("by")
     @classmethod
     def _known_together(cls, by: list[Modality]) -> list[Modality]:
-        try:
-            parse_modalities(",".join(by) or None)
-        except ParameterError as error:
-            raise ValueError(str(error).removeprefix("--by: ")) from error
+        if refusal := refusal_of(by):
+            raise ValueError(refusal)
         return by
 
     @model_validator(mode="after")
