@@ -15,8 +15,8 @@ from elfslam.serve.jobs.runner import MISTAKE
 
 FOR_PROGRAMS = ("Upload-", "Tus-", "Content-", "filename ", "wanted either Upload-")
 """Said to whoever writes another client: no page of ours is answered so."""
-SAID = ("Problem", "problem_response", "unknown_token", "not_found", "NoAnswerError")
-"""Of the last, what it is that is not there."""
+SAID = ("Problem", "problem_response", "unknown_token", "not_found", "own", "NoAnswerError")
+"""Of `not_found` and `own`, what it is that is not there."""
 APP = ("map.py", "merge.py")
 REFUSED_INPUT = ("tasks.py", "zips.py", "webhooks.py")
 """Whose InputError a page shows; refusals of log files stay English, with their figures."""
@@ -51,8 +51,10 @@ def _said(module: ast.Module, said: tuple[str, ...]) -> Iterator[str]:
         if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
     }
     for call in ast.walk(module):
-        if isinstance(call, ast.Call) and getattr(call.func, "id", None) in said and call.args:
-            yield from _texts(call.args[-1] if len(call.args) == 1 else call.args[1], known)
+        name = getattr(call.func, "id", None) if isinstance(call, ast.Call) else None
+        if name in said and call.args:
+            is_last = len(call.args) == 1 or name == "own"
+            yield from _texts(call.args[-1 if is_last else 1], known)
 
 
 def _texts(node: ast.expr, known: dict[str, list[str]]) -> Iterator[str]:
