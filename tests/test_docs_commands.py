@@ -167,12 +167,17 @@ def refusal_of(statement: ast.stmt) -> str:
     return ""
 
 
+def to_run(page: Path) -> list[Block]:
+    return [block for block in blocks(page) if block.why is None]
+
+
 def run_page(page: Path, folder: Path) -> None:
+    """Asserts that what it runs succeeds and prints what the page shows."""
     NAMES.clear()
-    for block in blocks(page):
-        if block.why is None:
-            text = IN_STOCK.sub("", block.text) if page == README else block.text
-            run_block(Block(block.tag, text, None), folder)
+    assert to_run(page)
+    for block in to_run(page):
+        text = IN_STOCK.sub("", block.text) if page == README else block.text
+        run_block(Block(block.tag, text, None), folder)
 
 
 @pytest.fixture(scope="session")
@@ -192,7 +197,7 @@ def test_tutorials_run_from_nothing(page: Path, tmp_path: Path) -> None:
 
 @pytest.mark.real
 @pytest.mark.parametrize(
-    "page", [page for page in (README, *HOW_TO) if any(blocks(page))], ids=page_name
+    "page", [page for page in (README, *HOW_TO) if to_run(page)], ids=page_name
 )
 def test_how_tos_run_with_walks_and_maps(page: Path, stock: Path, tmp_path: Path) -> None:
     folder = tmp_path / "here"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum
 
 from elfslam.base.errors import ParameterError
@@ -48,11 +49,19 @@ def parse_modalities(text: str | None) -> tuple[Modality, ...]:
     for name in names:
         if name not in known:
             raise ParameterError(f"--by: wanted {', '.join(known)}, got {name!r}; name one or some")
-    if len(set(names)) < len(names):
-        raise ParameterError(f"--by: got {text!r}; name each modality once")
-    if Modality.MOTION in names and len(names) > 1:
-        raise ParameterError("--by: motion closes no loops; name it alone or leave it out")
-    return tuple(Modality(name) for name in names)
+    modalities = tuple(Modality(name) for name in names)
+    if refusal := refusal_of(modalities):
+        raise ParameterError(f"--by: {refusal}")
+    return modalities
+
+
+def refusal_of(modalities: Sequence[Modality]) -> str:
+    """Why these are not taken together, nothing where they are."""
+    if len(set(modalities)) < len(modalities):
+        return f"got {','.join(modalities)!r}; name each modality once"
+    if Modality.MOTION in modalities and len(modalities) > 1:
+        return "motion closes no loops; name it alone or leave it out"
+    return ""
 
 
 def parse_stretch(from_s: float | None, until_s: float | None) -> tuple[float, float] | None:

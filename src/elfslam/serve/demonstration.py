@@ -14,7 +14,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -67,7 +67,7 @@ def load_demonstration(user: Me, services: ServicesDep) -> list[MapBody]:
 
 
 @router.delete("", status_code=204, operation_id="remove_demonstration")
-def remove_demonstration(user: Me, services: ServicesDep) -> Response:
+def remove_demonstration(user: Me, services: ServicesDep) -> None:
     """Take the demonstration building away, with everything that was merged of it alone."""
     with transaction(services.sessions) as session:
         ids = _loaded(session, user.id)
@@ -75,7 +75,6 @@ def remove_demonstration(user: Me, services: ServicesDep) -> Response:
             raise not_found("demonstration building")
         named = forget_maps(session, ids)
     drop_unnamed(services, named)
-    return Response(status_code=204)
 
 
 def _loaded(session: Session, user_id: str) -> list[str]:

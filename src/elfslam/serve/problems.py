@@ -159,8 +159,11 @@ async def _of_database(request: Request, error: Exception) -> JSONResponse:
         return await _of_disk(request, error)
     if is_locked(error):
         LOG.error("%s %s: the database is locked", request.method, request.url.path)
-        said = "another program, or a long line of requests, holds the database; try again"
-        return problem_response(503, said, {"Retry-After": "5"})
+        return problem_response(
+            503,
+            "another program, or a long line of requests, holds the database; try again",
+            {"Retry-After": "5"},
+        )
     LOG.error("%s %s: the database", request.method, request.url.path, exc_info=error)
     return problem_response(503, "the database does not answer; try again", {"Retry-After": "5"})
 

@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { commonName, mapJob, sensesOf } from "../../../src/elfslam/serve/pages/desk/dialogs.js";
-import { apart, courseOf, keptOf, stretchOf } from "../../../src/elfslam/serve/pages/desk/timeline.js";
+import { apart, courseOf, keptOf, stretchOf } from "../../../src/elfslam/serve/pages/desk/jobs_view.js";
 import { factsOf, queryOf } from "../../../src/elfslam/serve/pages/desk/maps_view.js";
 import {
   fileName, formatAgo, formatBytes, formatCount, formatDuration, formatMetres, formatShare, parseTime,

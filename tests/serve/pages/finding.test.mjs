@@ -5,9 +5,14 @@ import { test } from "node:test";
 
 import { venueOf } from "../../../src/elfslam/serve/pages/desk/maps_view.js";
 import {
-  SORTS, chosenOf, firstOrder, forgetGone, matching, sorted,
+  chosenOf,
+  firstOrder,
+  forgetGone,
+  mapChange,
+  matching,
+  sorted,
+  SORTS,
 } from "../../../src/elfslam/serve/pages/desk/lists.js";
-import { mapChange } from "../../../src/elfslam/serve/pages/desk/renaming.js";
 import { sharedWords } from "../../../src/elfslam/serve/pages/desk/sharing.js";
 import { linkIn } from "../../../src/elfslam/serve/pages/shared/api.js";
 import { byName, grouped, placeOf } from "../../../src/elfslam/serve/pages/shared/places.js";

@@ -8,7 +8,7 @@ import {
   tickText, ticksOf, timeAt, titleOf,
 } from "../../../src/elfslam/serve/pages/desk/recording_page.js";
 import { pageOf } from "../../../src/elfslam/serve/pages/desk/session.js";
-import { ENDINGS, sorted } from "../../../src/elfslam/serve/pages/desk/uploads.js";
+import { ENDINGS, readable } from "../../../src/elfslam/serve/pages/desk/recordings_view.js";
 
 const curve = (low, high, name = "acceleration") => ({ name, unit: "m/s²", start_s: 0, step_s: 1, low, high });
 
@@ -97,7 +97,7 @@ test("tables come first among the files, each with what it holds", () => {
 
 test("files are taken by how they end; the server looks into them", () => {
   const names = ["a.zip", "B.TXT", "site.tar.xz", "m.mat", "notes.pdf", "zip", "a.zip.part"];
-  const { taken, refused } = sorted(names.map((name) => ({ name })));
+  const { taken, refused } = readable(names.map((name) => ({ name })));
   assert.deepEqual(taken.map(({ name }) => name), names.slice(0, 4));
   assert.deepEqual(refused, names.slice(4));
   assert.equal(ENDINGS.length, 4);

@@ -3,38 +3,58 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 
-import elfslam.app.map
+import elfslam.app
 import elfslam.serve
+from elfslam.serve.jobs.executors import DIED, DISK_FULL, OVERDUE
+from elfslam.serve.jobs.runner import MISTAKE
 
 FOR_PROGRAMS = ("Upload-", "Tus-", "Content-", "filename ", "wanted either Upload-")
 """Said to whoever writes another client: no page of ours is answered so."""
-SAID = ("Problem", "unknown_token", "not_found", "NoAnswerError")
-"""Of the last, what it is that is not there."""
+SAID = ("Problem", "problem_response", "unknown_token", "not_found", "own", "NoAnswerError")
+"""Of `not_found` and `own`, what it is that is not there."""
+APP = ("map.py", "merge.py")
+REFUSED_INPUT = ("tasks.py", "zips.py", "webhooks.py")
+"""Whose InputError a page shows; refusals of log files stay English, with their figures."""
+SAID_OF_JOBS = (DIED, DISK_FULL, OVERDUE, MISTAKE)
 
 
 def refusals() -> set[str]:
     """Every text that a page may be answered with and that stands in the source as it is."""
-    mapping = Path(elfslam.app.map.__file__)
+    app = (Path(elfslam.app.__path__[0], name) for name in APP)
     texts = {
         text
-        for file in (mapping, *Path(elfslam.serve.__path__[0]).rglob("*.py"))
-        for text in _said(ast.parse(file.read_text(encoding="utf-8")))
+        for file in (*app, *Path(elfslam.serve.__path__[0]).rglob("*.py"))
+        for text in _said(
+            ast.parse(file.read_text(encoding="utf-8")),
+            (*SAID, "InputError") if file.name in REFUSED_INPUT else SAID,
+        )
     }
+    texts |= {_numbered(text) for text in SAID_OF_JOBS}
     return {text for text in texts if not text.startswith(FOR_PROGRAMS)}
 
 
-def _said(module: ast.Module) -> Iterator[str]:
+def _numbered(text: str) -> str:
+    """A text for `str.format` with numbers in place of names."""
+    numbers = count(1)
+    return re.sub(r"\{[^}]*\}", lambda _: f"{{{{{next(numbers)}}}}}", text)
+
+
+def _said(module: ast.Module, said: tuple[str, ...]) -> Iterator[str]:
     known = {
         node.targets[0].id: list(_texts(node.value, {}))
         for node in module.body
         if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
     }
     for call in ast.walk(module):
-        if isinstance(call, ast.Call) and getattr(call.func, "id", None) in SAID and call.args:
-            yield from _texts(call.args[-1] if len(call.args) == 1 else call.args[1], known)
+        name = getattr(call.func, "id", None) if isinstance(call, ast.Call) else None
+        if name in said and call.args:
+            is_last = len(call.args) == 1 or name == "own"
+            yield from _texts(call.args[-1 if is_last else 1], known)
 
 
 def _texts(node: ast.expr, known: dict[str, list[str]]) -> Iterator[str]:
@@ -54,11 +74,11 @@ def _texts(node: ast.expr, known: dict[str, list[str]]) -> Iterator[str]:
 
 def _template(text: ast.JoinedStr) -> str:
     """A formatted text with the numbers of its values in their places."""
-    pieces, count = [], 0
+    pieces, number = [], 0
     for piece in text.values:
         if isinstance(piece, ast.Constant):
             pieces.append(str(piece.value))
         else:
-            count += 1
-            pieces.append(f"{{{{{count}}}}}")
+            number += 1
+            pieces.append(f"{{{{{number}}}}}")
     return "".join(pieces)

@@ -14,8 +14,8 @@ VIEWER = resources.files("elfslam").joinpath("serve/pages/desk/viewer")
 
 @pytest.mark.parametrize("status", FixStatus)
 def test_a_status_is_known_to_the_pages(status: FixStatus) -> None:
-    assert f'  {status.name}: t("' in VIEWER.joinpath("state.js").read_text(encoding="utf-8")
-    assert f'{status.name}: colour("' in VIEWER.joinpath("state.js").read_text(encoding="utf-8")
+    assert f'  {status.name}: t("' in VIEWER.joinpath("scene.js").read_text(encoding="utf-8")
+    assert f'{status.name}: colour("' in VIEWER.joinpath("scene.js").read_text(encoding="utf-8")
 
 
 def test_figures_draw_every_status_otherwise() -> None:

@@ -203,7 +203,7 @@ def test_html_is_read_as_the_page_reads_it() -> None:
 
 
 def test_every_stage_of_a_job_has_words() -> None:
-    told = (PAGES / "shared" / "job_words.js").read_text()
+    told = (PAGES / "shared" / "format.js").read_text()
     assert [name for name in STAGES if f't("{name}")' not in told] == []
 
 

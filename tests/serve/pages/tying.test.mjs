@@ -6,7 +6,7 @@ import { test } from "node:test";
 import { planType } from "../../../src/elfslam/serve/pages/desk/viewer/plan_panel.js";
 import {
   askFor, noTie, placesOf, scaledTo, tapped, tied, wantedNext,
-} from "../../../src/elfslam/serve/pages/desk/viewer/georeferencing.js";
+} from "../../../src/elfslam/serve/pages/desk/viewer/plan_panel.js";
 import { firstPlacement, planToMap } from "../../../src/elfslam/serve/pages/shared/map/placement.js";
 
 const now = { width_m: 30, x_m: -3, y_m: 2, heading_rad: 0.4, opacity: 0.6 };

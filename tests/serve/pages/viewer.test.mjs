@@ -7,13 +7,12 @@ import {
   STEP_OF_SIGMA, cellAt, colourAt, contrast, indexOf, lengthOf, limitsOf, luminance, medianOf, nearest, rgbOf,
   sceneOf, stepAt, stretches, timeColour,
 } from "../../../src/elfslam/serve/pages/desk/viewer/scene.js";
-import { countStatuses, parseFixes } from "../../../src/elfslam/serve/pages/desk/viewer/state.js";
+import { countStatuses, parseFixes } from "../../../src/elfslam/serve/pages/desk/viewer/scene.js";
 import {
   corners, firstPlacement, imageMatrix, isOnPlan, mapToPlan, middle, moved, planToMap, rounded, stretched, turned, widened, wrapped,
 } from "../../../src/elfslam/serve/pages/shared/map/placement.js";
-import { grabPlan, snapped } from "../../../src/elfslam/serve/pages/desk/viewer/canvas.js";
+import { focusAt, grabPlan, nextFocus, snapped, tell } from "../../../src/elfslam/serve/pages/desk/viewer/canvas.js";
 import { fit, pan, pinch, scaleBar, toMap, toScreen, zoomAt } from "../../../src/elfslam/serve/pages/shared/map/projection.js";
-import { focusAt, nextFocus, tell } from "../../../src/elfslam/serve/pages/desk/viewer/hover_text.js";
 
 const SIZE = { width: 800, height: 600 };
 const VIEW = { x_m: 2, y_m: -1, px_per_m: 50 };

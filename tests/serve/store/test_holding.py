@@ -43,8 +43,12 @@ def outside(settings: ServerSettings, tmp_path: Path) -> ServerSettings:
 
 
 def opened(settings: ServerSettings) -> None:
+    """Opens, and says that this folder holds the database and that nobody serves it."""
     with alone_with(settings):
-        open_store(settings).dispose()
+        engine = open_store(settings)
+    held = read_held(engine)
+    engine.dispose()
+    assert held == Held(holder_of(settings.data_folder), None)
 
 
 def refused(settings: ServerSettings, words: str) -> None:

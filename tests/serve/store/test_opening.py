@@ -13,7 +13,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
-from sqlalchemy import text
+from sqlalchemy import select, text
 
 from elfslam.base.errors import StoreError
 from elfslam.serve.jobs.queue import queue_job
@@ -266,7 +266,11 @@ def test_a_backup_put_back(store: ServerSettings, tmp_path: Path) -> None:
     engine.dispose()
     copy = tmp_path / "copy.sqlite"
     shutil.copy(store.data_folder / "elfslam.sqlite", copy)
-    opened(replace(store, database_url=f"sqlite:///{copy}")).engine.dispose()
+    services = opened(replace(store, database_url=f"sqlite:///{copy}"))
+    with reading(services.sessions) as session:
+        assert session.scalars(select(User.name)).one()
+        assert session.scalars(select(JobFile.name)).one() == "f"
+    services.engine.dispose()
 
 
 def test_a_server_of_another_version_is_not_joined(store: ServerSettings) -> None:

@@ -9,19 +9,19 @@ from typing import Annotated, Any, Literal, Self
 from fastapi import APIRouter, Body
 from fastapi.responses import FileResponse
 from pydantic import BaseModel, Field, field_validator, model_validator
-from sqlalchemy import func, select
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from elfslam.base.bounds import FARTHEST_M
-from elfslam.base.enums import LONGEST_S, Modality, Mode, parse_modalities, parse_stretch
+from elfslam.base.enums import LONGEST_S, Modality, Mode, parse_stretch, refusal_of
 from elfslam.base.errors import ParameterError
 from elfslam.serve.jobs import queue as jobs
 from elfslam.serve.jobs.executors import FIXES
-from elfslam.serve.people.access import Me, known_id, not_found
+from elfslam.serve.people.access import Me, known_id, own
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.sharing.rights import Principal, Right, map_for
-from elfslam.serve.store.database import reading, transaction
+from elfslam.serve.store.database import count_rows, reading, transaction
 from elfslam.serve.store.quota import drop_unnamed, forget_given, used_bytes
 from elfslam.serve.store.sending import sent_blob
 from elfslam.serve.store.tables import (
@@ -58,10 +58,8 @@ class MapWanted(BaseModel):
     @field_validator("by")
     @classmethod
     def _known_together(cls, by: list[Modality]) -> list[Modality]:
-        try:
-            parse_modalities(",".join(by) or None)
-        except ParameterError as error:
-            raise ValueError(str(error).removeprefix("--by: ")) from error
+        if refusal := refusal_of(by):
+            raise ValueError(refusal)
         return by
 
     @model_validator(mode="after")
@@ -197,8 +195,7 @@ def body_of(job: Job) -> JobBody:
 def refuse_too_many(services: Services, session: Session, user: User) -> None:
     """Raise Problem 429 or 413 where a user may not queue another job."""
     limits = services.settings.limits
-    waiting = select(func.count()).where(Job.user_id == user.id, Job.state.in_(jobs.OPEN))
-    if (session.scalar(waiting) or 0) >= limits.jobs:
+    if count_rows(session, Job, Job.user_id == user.id, Job.state.in_(jobs.OPEN)) >= limits.jobs:
         raise Problem(
             429, f"{limits.jobs} jobs wait already; let some end first", {"Retry-After": "60"}
         )
@@ -224,9 +221,7 @@ def _check_given(
         for map_id in wanted.maps:
             map_for(session, asker, map_id, Right.EDIT)
         return
-    recording = session.get(Recording, wanted.recording)
-    if recording is None or recording.user_id != user.id:
-        raise not_found("recording")
+    recording = own(session, Recording, wanted.recording, user, "recording")
     if recording.state != RecordingState.READY:
         raise Problem(409, f"the recording is {recording.state}; it must be ready first")
     if isinstance(wanted, LocateWanted):
@@ -234,7 +229,4 @@ def _check_given(
 
 
 def _mine(session: Session, user: User, job_id: str) -> Job:
-    job = session.get(Job, known_id(job_id, "job"))
-    if job is None or job.user_id != user.id:
-        raise not_found("job")
-    return job
+    return own(session, Job, job_id, user, "job")

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import FileResponse
 from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
@@ -158,7 +158,7 @@ def get_floor_plan(map_id: str, asker: Asks, services: ServicesDep) -> FileRespo
 
 
 @router.delete("", status_code=204, operation_id="delete_floor_plan")
-def delete_floor_plan(map_id: str, asker: Asks, services: ServicesDep) -> Response:
+def delete_floor_plan(map_id: str, asker: Asks, services: ServicesDep) -> None:
     """Take away the image below a map."""
     with transaction(services.sessions) as session:
         found = map_for(session, asker, map_id, Right.EDIT)
@@ -168,7 +168,6 @@ def delete_floor_plan(map_id: str, asker: Asks, services: ServicesDep) -> Respon
         found.floor_plan = None
         session.delete(file)
     drop_unnamed(services, [file.sha256])
-    return Response(status_code=204)
 
 
 @router.put("/placement", operation_id="place_floor_plan")

@@ -220,12 +220,11 @@ def get_map(map_id: str, asker: Asks, services: ServicesDep) -> MapBody:
 
 
 @router.delete("/maps/{map_id}", status_code=204, operation_id="delete_map")
-def delete_map(map_id: str, asker: Asks, services: ServicesDep) -> Response:
+def delete_map(map_id: str, asker: Asks, services: ServicesDep) -> None:
     """Delete one of your maps, its job, and all fixes in it; the recordings stay."""
     with transaction(services.sessions) as session:
         named = forget_maps(session, [map_for(session, asker, map_id, Right.OWN).id])
     drop_unnamed(services, named)
-    return Response(status_code=204)
 
 
 @router.get("/maps/{map_id}/view", operation_id="view_map", responses={200: {"model": View}})

@@ -7,7 +7,7 @@ import hmac
 import math
 import re
 import secrets
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 from fastapi import Depends, Security
 from fastapi.security import APIKeyCookie, HTTPAuthorizationCredentials, HTTPBearer
@@ -19,7 +19,7 @@ from elfslam.serve.problems import Problem
 from elfslam.serve.services import Rates, ServicesDep
 from elfslam.serve.settings import COOKIE
 from elfslam.serve.store.database import reading
-from elfslam.serve.store.tables import User
+from elfslam.serve.store.tables import Job, Recording, Upload, User, UserGroup
 
 TOKEN_BYTES = 32
 KNOWN = select(User.id).where(User.token_sha256 == bindparam("sha256"))
@@ -110,6 +110,19 @@ def known_id(text: str, what: str) -> str:
     if not ID.fullmatch(text):
         raise not_found(what)
     return text
+
+
+Owned = TypeVar("Owned", Job, Recording, Upload, UserGroup)
+
+
+def own(
+    session: Session, kind: type[Owned], row_id: str, user: User, what: str, *, lock: bool = False
+) -> Owned:
+    """What of that kind is the user's. Raises Problem 404."""
+    row = session.get(kind, known_id(row_id, what), with_for_update=lock)
+    if row is None or row.user_id != user.id:
+        raise not_found(what)
+    return row
 
 
 def not_found(what: str) -> Problem:

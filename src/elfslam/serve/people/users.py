@@ -7,7 +7,7 @@ from datetime import datetime
 
 from fastapi import APIRouter, Request, Response
 from pydantic import BaseModel, Field
-from sqlalchemy import func, select
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from elfslam.serve.network.addresses import url_for_others
@@ -24,7 +24,7 @@ from elfslam.serve.people.access import (
 from elfslam.serve.problems import EVERYWHERE, Problem, problems
 from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.settings import COOKIE, ServerSettings
-from elfslam.serve.store.database import reading, transaction
+from elfslam.serve.store.database import count_rows, reading, transaction
 from elfslam.serve.store.quota import delete_user, used_bytes
 from elfslam.serve.store.tables import User
 from elfslam.serve.texts import Line
@@ -163,7 +163,7 @@ def invite_user(
 @router.delete(
     "/users/{user_id}", status_code=204, operation_id="delete_user", responses=problems(409)
 )
-def remove_user(user_id: str, mine: Owner, services: ServicesDep) -> Response:
+def remove_user(user_id: str, mine: Owner, services: ServicesDep) -> None:
     """Delete a user with all their recordings, maps and jobs (owner only)."""
     if known_id(user_id, "user") == mine.id:
         raise Problem(409, "the owner cannot be deleted; delete the data folder instead")
@@ -171,23 +171,17 @@ def remove_user(user_id: str, mine: Owner, services: ServicesDep) -> Response:
         if session.get(User, user_id) is None:
             raise not_found("user")
     delete_user(services, user_id)
-    return Response(status_code=204)
 
 
 def add_user(services: Services, name: str) -> tuple[User, str]:
     """A new user and their token. Raises Problem 409 where there are too many."""
     token, most = new_token(), services.settings.limits.users
     with transaction(services.sessions) as session:
-        if count_users(session) >= most:
+        if count_rows(session, User) >= most:
             raise Problem(409, f"there are {most} users already; delete one first")
         user = User(name=name, token_sha256=token_sha256(token))
         session.add(user)
     return user, token
-
-
-def count_users(session: Session) -> int:
-    """How many users there are."""
-    return session.scalar(select(func.count()).select_from(User)) or 0
 
 
 def set_owner_token(services: Services, token: str) -> User:

@@ -11,10 +11,10 @@ from dataclasses import asdict, dataclass
 from datetime import datetime
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Response
+from fastapi import APIRouter, Query
 from fastapi.responses import StreamingResponse
 from pydantic import AwareDatetime, BaseModel, Field
-from sqlalchemy import func, select
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
@@ -26,7 +26,7 @@ from elfslam.serve.positions.webhooks import address_of, target_of
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.sharing.rights import Principal, Right, map_for
-from elfslam.serve.store.database import reading, transaction
+from elfslam.serve.store.database import count_rows, reading, transaction
 from elfslam.serve.store.tables import Floor, Map, MapPositions, User, Webhook, now_utc
 from elfslam.serve.texts import Line
 
@@ -84,7 +84,7 @@ router = APIRouter(tags=["positions"])
 
 
 @router.post("/positions", status_code=204, operation_id="post_positions", responses=problems(409))
-def post_positions(given: NewPositions, user: Me, services: ServicesDep) -> Response:
+def post_positions(given: NewPositions, user: Me, services: ServicesDep) -> None:
     """Tell those who may see a map where you are in it: at most 20 fixes, all of the last minute.
 
     They are shown for ten seconds, passed on to MQTT and webhooks, and kept in your history.
@@ -97,7 +97,6 @@ def post_positions(given: NewPositions, user: Me, services: ServicesDep) -> Resp
     hub.take(told, keep=limits.position_days > 0)
     if given.is_over:
         hub.board.leave(user.id, given.walk)
-    return Response(status_code=204)
 
 
 @router.get("/positions", operation_id="list_my_positions")
@@ -112,10 +111,9 @@ def list_my_positions(
 
 
 @router.delete("/positions", status_code=204, operation_id="delete_my_positions")
-def delete_my_positions(user: Me, services: ServicesDep) -> Response:
+def delete_my_positions(user: Me, services: ServicesDep) -> None:
     """Delete your history, and be shown nowhere until you tell a position again."""
     delete_history(services, user.id)
-    return Response(status_code=204)
 
 
 @router.get("/maps/{map_id}/positions", operation_id="list_live_positions")
@@ -244,14 +242,11 @@ def add_webhook(map_id: str, given: NewWebhook, user: Me, services: ServicesDep)
         owned_map(session, user, map_id)
     target = target_of(given.url)
     address_of(target, allow_local=services.settings.local_webhooks)
-    secret, most = (
-        given.secret or secrets.token_urlsafe(SECRET_BYTES),
-        services.settings.limits.webhooks,
-    )
+    secret = given.secret or secrets.token_urlsafe(SECRET_BYTES)
+    most = services.settings.limits.webhooks
     with transaction(services.sessions) as session:
         owned = owned_map(session, user, map_id)
-        mine = select(func.count()).select_from(Webhook).filter_by(map_id=owned.id)
-        if (session.scalar(mine) or 0) >= most:
+        if count_rows(session, Webhook, Webhook.map_id == owned.id) >= most:
             raise Problem(409, f"this map has {most} webhooks already; delete one first")
         row = Webhook(map_id=owned.id, url=target.url, secret=secret)
         session.add(row)
@@ -259,7 +254,7 @@ def add_webhook(map_id: str, given: NewWebhook, user: Me, services: ServicesDep)
 
 
 @map_router.delete("/webhooks/{webhook_id}", status_code=204, operation_id="delete_webhook")
-def delete_webhook(map_id: str, webhook_id: str, user: Me, services: ServicesDep) -> Response:
+def delete_webhook(map_id: str, webhook_id: str, user: Me, services: ServicesDep) -> None:
     """Post nothing there any more."""
     with transaction(services.sessions) as session:
         owned = owned_map(session, user, map_id)
@@ -268,7 +263,6 @@ def delete_webhook(map_id: str, webhook_id: str, user: Me, services: ServicesDep
             raise not_found("webhook")
         session.delete(row)
     services.positions.outboxes.forget(webhook_id)
-    return Response(status_code=204)
 
 
 def _webhook_body(services: Services, row: Webhook) -> WebhookBody:

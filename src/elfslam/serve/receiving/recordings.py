@@ -9,7 +9,6 @@ from datetime import datetime
 from functools import partial
 from pathlib import PurePosixPath
 from typing import Annotated, Any
-from urllib.parse import quote
 
 from anyio import to_thread
 from fastapi import APIRouter, Header, Response
@@ -21,7 +20,7 @@ from sqlalchemy.orm import Session
 from elfslam import __version__
 from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.errors import InputError
-from elfslam.serve.people.access import Me, known_id, not_found
+from elfslam.serve.people.access import Me, not_found, own
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.receiving.completing import ManifestEntry, complete
 from elfslam.serve.receiving.reader import bounds_of
@@ -30,7 +29,7 @@ from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.store.blobs import found_blob
 from elfslam.serve.store.database import reading, transaction
 from elfslam.serve.store.quota import delete_recordings, refuse_more_recordings, upload_bytes
-from elfslam.serve.store.sending import sent_blob, unfolded
+from elfslam.serve.store.sending import ZIP, sent, sent_blob, unfolded
 from elfslam.serve.store.tables import (
     Recording,
     RecordingFacts,
@@ -136,12 +135,11 @@ def get_recording(recording_id: str, user: Me, services: ServicesDep) -> Recordi
 
 
 @router.delete("/{recording_id}", status_code=204, operation_id="delete_recording")
-def remove_recording(recording_id: str, user: Me, services: ServicesDep) -> Response:
+def remove_recording(recording_id: str, user: Me, services: ServicesDep) -> None:
     """Delete a recording and its files."""
     with reading(services.sessions) as session:
         my_recording(session, user, recording_id)
     delete_recordings(services, user.id, [recording_id])
-    return Response(status_code=204)
 
 
 @router.post(
@@ -163,7 +161,7 @@ async def complete_recording(
     "/{recording_id}/recording.zip",
     operation_id="download_recording",
     response_class=StreamingResponse,
-    responses={**problems(409), 200: {"content": {"application/zip": {}}}},
+    responses={**problems(409), 200: {"content": {ZIP: {}}}},
 )
 def download_recording(recording_id: str, user: Me, services: ServicesDep) -> StreamingResponse:
     """The recording's folder as a .zip, which `elfslam map` reads."""
@@ -177,20 +175,12 @@ def download_recording(recording_id: str, user: Me, services: ServicesDep) -> St
         pieces = packed({file.name: found_blob(folder, file.sha256) for file in files})
     except FileNotFoundError as error:
         raise not_found("recording") from error
-    name = quote(f"{recording.name}.zip", safe="")
-    return StreamingResponse(
-        pieces,
-        media_type="application/zip",
-        headers={"Content-Disposition": f"attachment; filename*=UTF-8''{name}"},
-    )
+    return sent(pieces, f"{recording.name}.zip", ZIP)
 
 
 def my_recording(session: Session, user: User, recording_id: str) -> Recording:
     """A recording of the user's. Raises Problem 404."""
-    recording = session.get(Recording, known_id(recording_id, "recording"))
-    if recording is None or recording.user_id != user.id:
-        raise not_found("recording")
-    return recording
+    return own(session, Recording, recording_id, user, "recording")
 
 
 def _complete(

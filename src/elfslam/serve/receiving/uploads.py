@@ -17,7 +17,7 @@ from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
 from elfslam.data.atomic_files import sync
-from elfslam.serve.people.access import Me, known_id, not_found
+from elfslam.serve.people.access import Me, not_found, own
 from elfslam.serve.people.guards import TUS_VERSION, UPLOADS
 from elfslam.serve.problems import WRONG_CHECKSUM, Problem, disk_full, problems
 from elfslam.serve.receiving import tus
@@ -26,7 +26,7 @@ from elfslam.serve.receiving.tus import Quota, append
 from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.blobs import refuse_full_disk
-from elfslam.serve.store.database import reading, transaction
+from elfslam.serve.store.database import count_rows, reading, transaction
 from elfslam.serve.store.quota import refuse_more_recordings, upload_bytes, used_bytes
 from elfslam.serve.store.tables import (
     Recording,
@@ -95,8 +95,8 @@ def begin(services: Services, user: User, wanted: Wanted) -> Upload:
         if wanted.recording_id is None:
             refuse_more_recordings(services, session, user.id)
         _check_recording(session, user, wanted)
-        count = select(func.count()).select_from(Upload).filter_by(user_id=user.id, finished=False)
-        if (session.scalar(count) or 0) >= limits.open_uploads:
+        open_ones = Upload.user_id == user.id, Upload.finished.is_(False)
+        if count_rows(session, Upload, *open_ones) >= limits.open_uploads:
             raise Problem(409, f"{limits.open_uploads} uploads are open; end one first")
         upload = Upload(
             id=upload_id,
@@ -117,9 +117,7 @@ def begin(services: Services, user: User, wanted: Wanted) -> Upload:
 def _check_recording(session: Session, user: User, wanted: Wanted) -> None:
     if wanted.recording_id is None:
         return
-    recording = session.get(Recording, known_id(wanted.recording_id, "recording"))
-    if recording is None or recording.user_id != user.id:
-        raise not_found("recording")
+    recording = own(session, Recording, wanted.recording_id, user, "recording")
     if recording.state != RecordingState.RECEIVING:
         raise Problem(409, "this recording is complete; begin a new one")
 
@@ -127,10 +125,7 @@ def _check_recording(session: Session, user: User, wanted: Wanted) -> None:
 def mine(services: Services, user: User, upload_id: str) -> Upload:
     """An upload of the user's. Raises Problem 404."""
     with reading(services.sessions) as session:
-        upload = session.get(Upload, known_id(upload_id, "upload"))
-    if upload is None or upload.user_id != user.id:
-        raise not_found("upload")
-    return upload
+        return own(session, Upload, upload_id, user, "upload")
 
 
 @dataclass(frozen=True)
@@ -391,12 +386,11 @@ async def append_to_upload(
     responses=OWN_STATUSES,
     dependencies=SPEAKS_TUS,
 )
-def end_upload(upload_id: str, user: Me, services: ServicesDep) -> Response:
+def end_upload(upload_id: str, user: Me, services: ServicesDep) -> None:
     """Give an upload up; what had come is deleted."""
     mine(services, user, upload_id)
     with services.busy.alone([upload_id]):
         forget_upload(services, upload_id)
-    return Response(status_code=204)
 
 
 async def _append_at_once(

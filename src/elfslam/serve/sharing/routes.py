@@ -8,17 +8,17 @@ from typing import Annotated
 
 from fastapi import APIRouter, Request, Response
 from pydantic import BaseModel, Field
-from sqlalchemy import delete, func, select
+from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
 from elfslam.serve.network.addresses import url_for_others
 from elfslam.serve.network.authority import pairing_fragment
-from elfslam.serve.people.access import Me, known_id, not_found
+from elfslam.serve.people.access import Me, known_id, not_found, own
 from elfslam.serve.people.users import ONE_YEAR_S
 from elfslam.serve.problems import EVERYWHERE, Problem, problems
 from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.sharing.rights import LINK_COOKIE, WITHDRAWN, Asks, Right, map_for, opens
-from elfslam.serve.store.database import reading, transaction
+from elfslam.serve.store.database import count_rows, reading, transaction
 from elfslam.serve.store.tables import (
     GroupMember,
     Map,
@@ -119,7 +119,7 @@ def share_map(
 
 
 @router.delete("/shares/{user_id}", status_code=204, operation_id="unshare_map")
-def unshare_map(map_id: str, user_id: str, asker: Asks, services: ServicesDep) -> Response:
+def unshare_map(map_id: str, user_id: str, asker: Asks, services: ServicesDep) -> None:
     """Share a map with somebody no more; whom it is shared with may leave by themselves.
 
     Who leaves a map that is shared with groups that they are in leaves those groups.
@@ -133,7 +133,6 @@ def unshare_map(map_id: str, user_id: str, asker: Asks, services: ServicesDep) -
             session.delete(share)
         elif not left:
             raise not_found("share")
-    return Response(status_code=204)
 
 
 @router.put("/groups/{group_id}", operation_id="share_map_with_group", responses=problems(409))
@@ -152,9 +151,7 @@ def share_map_with_group(
 
 
 @router.delete("/groups/{group_id}", status_code=204, operation_id="unshare_map_with_group")
-def unshare_map_with_group(
-    map_id: str, group_id: str, asker: Asks, services: ServicesDep
-) -> Response:
+def unshare_map_with_group(map_id: str, group_id: str, asker: Asks, services: ServicesDep) -> None:
     """Share a map with a group no more."""
     with transaction(services.sessions) as session:
         found = map_for(session, asker, map_id, Right.OWN)
@@ -162,7 +159,6 @@ def unshare_map_with_group(
         if share is None:
             raise not_found("share")
         session.delete(share)
-    return Response(status_code=204)
 
 
 @router.put("/link", operation_id="make_link", responses=problems(409))
@@ -183,7 +179,7 @@ def make_link(
 
 
 @router.delete("/link", status_code=204, operation_id="withdraw_link")
-def withdraw_link(map_id: str, asker: Asks, services: ServicesDep) -> Response:
+def withdraw_link(map_id: str, asker: Asks, services: ServicesDep) -> None:
     """Let the link of a map open nothing any more; the next one is another."""
     with transaction(services.sessions) as session:
         found = map_for(session, asker, map_id, Right.OWN)
@@ -191,7 +187,6 @@ def withdraw_link(map_id: str, asker: Asks, services: ServicesDep) -> Response:
         if link is None:
             raise not_found("link")
         session.delete(link)
-    return Response(status_code=204)
 
 
 @public.post("/links/open", operation_id="open_link", responses=EVERYWHERE)
@@ -253,8 +248,8 @@ def _url(services: Services, link: MapLink, request: Request) -> str:
 def _refuse_too_many(services: Services, session: Session, owner_id: str) -> None:
     """Raise Problem 409 where somebody has shared as often as they may."""
     most = services.settings.limits.shares
-    count = select(func.count()).select_from(MapShare).join(Map).where(Map.user_id == owner_id)
-    if (session.scalar(count) or 0) >= most:
+    theirs = Map.id == MapShare.map_id, Map.user_id == owner_id
+    if count_rows(session, MapShare, *theirs) >= most:
         raise Problem(409, f"your maps are shared {most} times already; withdraw some first")
 
 
@@ -301,8 +296,7 @@ def list_groups(user: Me, services: ServicesDep) -> list[GroupBody]:
 def make_group(given: GivenGroup, user: Me, services: ServicesDep) -> GroupBody:
     """Make a group of people of this server."""
     with transaction(services.sessions) as session:
-        count = select(func.count()).select_from(UserGroup).where(UserGroup.user_id == user.id)
-        if (session.scalar(count) or 0) >= MOST_GROUPS:
+        if count_rows(session, UserGroup, UserGroup.user_id == user.id) >= MOST_GROUPS:
             raise Problem(409, f"you have {MOST_GROUPS} groups already; delete one first")
         made = UserGroup(user_id=user.id, name=given.name)
         session.add(made)
@@ -314,25 +308,17 @@ def make_group(given: GivenGroup, user: Me, services: ServicesDep) -> GroupBody:
 def change_group(group_id: str, given: GivenGroup, user: Me, services: ServicesDep) -> GroupBody:
     """Call a group otherwise, and say who is in it: they may what it may, all others no more."""
     with transaction(services.sessions) as session:
-        found = _mine(session, user, group_id)
+        found = own(session, UserGroup, group_id, user, "group", lock=True)
         found.name = given.name
         session.execute(delete(GroupMember).where(GroupMember.group_id == found.id))
         return _filled(session, found, given)
 
 
 @group_router.delete("/{group_id}", status_code=204, operation_id="delete_group")
-def delete_group(group_id: str, user: Me, services: ServicesDep) -> Response:
+def delete_group(group_id: str, user: Me, services: ServicesDep) -> None:
     """Delete a group; maps that were shared with it are so no more."""
     with transaction(services.sessions) as session:
-        session.delete(_mine(session, user, group_id))
-    return Response(status_code=204)
-
-
-def _mine(session: Session, user: User, group_id: str) -> UserGroup:
-    found = session.get(UserGroup, known_id(group_id, "group"), with_for_update=True)
-    if found is None or found.user_id != user.id:
-        raise not_found("group")
-    return found
+        session.delete(own(session, UserGroup, group_id, user, "group", lock=True))
 
 
 def _filled(session: Session, group: UserGroup, given: GivenGroup) -> GroupBody:

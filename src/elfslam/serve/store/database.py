@@ -9,11 +9,11 @@ from contextlib import contextmanager
 from threading import Lock
 from typing import Any
 
-from sqlalchemy import Engine, create_engine, event
+from sqlalchemy import ColumnElement, Engine, create_engine, event, func, select
 from sqlalchemy.engine import URL, Connection, make_url
 from sqlalchemy.exc import ArgumentError, DBAPIError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
-from sqlalchemy.orm import Session, sessionmaker
+from sqlalchemy.orm import DeclarativeBase, Session, sessionmaker
 
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.urls import shown_url, without_secrets
@@ -183,3 +183,8 @@ def sessions_of(engine: Engine) -> Sessions:
     """Makes sessions; what they loaded stays readable after the commit."""
     turn = Lock() if engine.dialect.name == SQLITE else None
     return sessionmaker(engine, expire_on_commit=False, info={TURN: turn})
+
+
+def count_rows(session: Session, table: type[DeclarativeBase], *where: ColumnElement[bool]) -> int:
+    """How many rows of a table are so."""
+    return session.scalar(select(func.count()).select_from(table).where(*where)) or 0

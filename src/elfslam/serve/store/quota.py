@@ -18,7 +18,7 @@ from elfslam.serve.problems import Problem
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store import blobs
-from elfslam.serve.store.database import reading, transaction
+from elfslam.serve.store.database import count_rows, reading, transaction
 from elfslam.serve.store.tables import (
     Job,
     JobFile,
@@ -57,8 +57,8 @@ def used_bytes(services: Services, session: Session, user_id: str) -> int:
 
 def recordings_left(services: Services, session: Session, user_id: str) -> int:
     """How many recordings a user may still have."""
-    count = select(func.count()).select_from(Recording).filter_by(user_id=user_id)
-    return services.settings.limits.recordings - (session.scalar(count) or 0)
+    most = services.settings.limits.recordings
+    return most - count_rows(session, Recording, Recording.user_id == user_id)
 
 
 def refuse_more_recordings(services: Services, session: Session, user_id: str) -> None:

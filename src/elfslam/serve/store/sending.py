@@ -61,6 +61,6 @@ def sent_blob(
 
 def sent(content: Iterator[bytes], name: str, media_type: str) -> StreamingResponse:
     """Pieces of a file as a download of that name."""
-    disposition = f"attachment; filename*=UTF-8''{quote(name)}"
+    disposition = f"attachment; filename*=UTF-8''{quote(name, safe='')}"
     headers = {"Content-Disposition": disposition}
     return StreamingResponse(content, headers=headers, media_type=media_type)

@@ -387,6 +387,9 @@ def test_report_and_exports_are_what_the_command_writes(
     export(run_folder, tmp_path / "own.geojson", Format.GEOJSON, told)
     assert found.read_bytes() == (tmp_path / "own.geojson").read_bytes()
     assert refusal.count() == 0
+    page.get_by_role("button", name="Download as imdf").click()
+    page.locator("details[open] input[name=name]:focus:invalid").wait_for()
+    assert page.locator(".exports .problem:not(:empty)").count() == 0
     with page.expect_download() as coming:
         page.get_by_role("link", name="Whole folder").click()
     coming.value.save_as(tmp_path / "map.zip")

@@ -14,14 +14,19 @@ import {
 import {
   NO_STEPS, accelerationOf, accelerationSign, countStep, describeMotion, tableRow, turningOf,
 } from "../../../../src/elfslam/serve/pages/phone/motion.js";
-import { joined } from "../../../../src/elfslam/serve/pages/phone/idb_store.js";
+import { joined } from "../../../../src/elfslam/serve/pages/phone/byte_stores.js";
 import { toPcm, wavHeader } from "../../../../src/elfslam/serve/pages/phone/framer.js";
 import { troubleOf } from "../../../../src/elfslam/serve/pages/phone/sending.js";
 import { judge, summarise } from "../../../../src/elfslam/serve/pages/phone/verdicts.js";
 import { makeChirpLog, makeLateness, makeMotionLog } from "../../../../src/elfslam/serve/pages/phone/walking.js";
 import { secretIn } from "../../../../src/elfslam/serve/pages/shared/api.js";
-import { formatBytes, formatDuration, formatMoment } from "../../../../src/elfslam/serve/pages/shared/format.js";
-import { missingLine, missingWords } from "../../../../src/elfslam/serve/pages/shared/job_words.js";
+import {
+  formatBytes,
+  formatDuration,
+  formatMoment,
+  missingLine,
+  missingWords,
+} from "../../../../src/elfslam/serve/pages/shared/format.js";
 import { fingerprintOf } from "../../../../src/elfslam/serve/pages/trust.js";
 
 const IPHONE = "Mozilla/5.0 (iPhone; CPU iPhone OS 18_1 like Mac OS X) AppleWebKit/605.1.15 Version/18.1";

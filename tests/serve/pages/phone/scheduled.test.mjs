@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { makeScheduleSearch } from "../../../../src/elfslam/serve/pages/stages/echo_schedule.js";
+import { makeScheduleSearch } from "../../../../src/elfslam/serve/pages/stages/echo_arrivals.js";
 import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/stages/constants.js";
 import { makeHearing } from "../../../../src/elfslam/serve/pages/stages/hearing.js";
 import { makeStream } from "../../../../src/elfslam/serve/pages/stages/resample.js";

@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { goesOnAt, makeSegments, mayGoOn } from "../../../../src/elfslam/serve/pages/phone/segments.js";
+import { goesOnAt, makeSegments, mayGoOn } from "../../../../src/elfslam/serve/pages/phone/walking.js";
 
 const BEGUN = "2026-01-01T10:00:00.000Z";
 const begunMs = Date.parse(BEGUN);

@@ -5,13 +5,12 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
-import { PATIENCE } from "../../../../src/elfslam/serve/pages/phone/arrivals.js";
+import { makeFramer, PATIENCE } from "../../../../src/elfslam/serve/pages/phone/framer.js";
 import { makeBandFilter, makeBaseband, scaleOf, toInt16 } from "../../../../src/elfslam/serve/pages/phone/baseband.js";
 import { CHIRP, excitationOf, periodSamples } from "../../../../src/elfslam/serve/pages/stages/chirp.js";
 import {
   analyticSignal, complexZeros, earliest, fourierOf, makeMatchedFilter, median,
 } from "../../../../src/elfslam/serve/pages/stages/matched_filter.js";
-import { makeFramer } from "../../../../src/elfslam/serve/pages/phone/framer.js";
 import { makeHearing } from "../../../../src/elfslam/serve/pages/stages/hearing.js";
 import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/stages/constants.js";
 import { bestOf } from "../../../../src/elfslam/serve/pages/phone/microphone.js";

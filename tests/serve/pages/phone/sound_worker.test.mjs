@@ -7,7 +7,7 @@ import { MessageChannel } from "node:worker_threads";
 
 import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/stages/constants.js";
 import { CHIRP } from "../../../../src/elfslam/serve/pages/stages/chirp.js";
-import { PATIENCE } from "../../../../src/elfslam/serve/pages/phone/arrivals.js";
+import { PATIENCE } from "../../../../src/elfslam/serve/pages/phone/framer.js";
 
 const vectors = JSON.parse(readFileSync(process.env.ELFSLAM_VECTORS, "utf8"));
 const RATE_HZ = 48000;

@@ -95,6 +95,7 @@ def test_a_phone_without_a_network_keeps_its_language(phone: Any) -> None:
     phone.page.context.set_offline(True)
     phone.page.reload()
     phone.wait_for_text("h1:visible", TITLE["de"])
+    assert not left_in_english(phone.page, "de")
     choose(phone, "en")
 
 

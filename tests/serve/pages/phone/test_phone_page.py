@@ -15,6 +15,7 @@ from scipy import signal
 from elfslam.base.values import Audio
 from elfslam.data import baseband
 from elfslam.data.recordings import read_recording
+from elfslam.serve.settings import PAGES_FOLDER
 from elfslam.stages.chirp import describe_chirp
 from tests.accessibility import violations
 
@@ -279,9 +280,13 @@ def test_a_walk_without_network_is_sent_when_it_is_back(
 
 def test_a_walk_outlives_its_page(phone: Any, server: Any, heard: Heard, tmp_path: Path) -> None:
     """Here in a browser without a file system of its own: the database keeps the bytes."""
-    absent = "export async function openOpfsStore() { return null; }"
+    begins = "export async function openOpfsStore() {"
+    stores = (PAGES_FOLDER / "phone" / "byte_stores.js").read_text(encoding="utf-8")
+    assert begins in stores
+    absent = stores.replace(begins, f"{begins}\n  return null;")
     phone.page.context.route(
-        "**/opfs_store.js", lambda route: route.fulfill(body=absent, content_type="text/javascript")
+        "**/byte_stores.js",
+        lambda route: route.fulfill(body=absent, content_type="text/javascript"),
     )
     phone.begin("Broken off")
     phone.walk(5)

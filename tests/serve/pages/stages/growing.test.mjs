@@ -6,7 +6,7 @@ import { test } from "node:test";
 
 import {
   amidNoise, makeClosureSearch, makeGrowingGraph, solved, unrivalled,
-} from "../../../../src/elfslam/serve/pages/stages/growing_graph.js";
+} from "../../../../src/elfslam/serve/pages/phone/growing/sketch.js";
 import { assertNear } from "./vectors.mjs";
 
 const { walks, means, parameters, candidates, attenuated } = JSON.parse(readFileSync(process.env.ELFSLAM_VECTORS));

@@ -7,7 +7,7 @@ import { test } from "node:test";
 import { NOTHING_HEARD, hearSlot } from "../../../../src/elfslam/serve/pages/stages/hearing.js";
 import { isSpoiled, lookAt, makeSpoiled } from "../../../../src/elfslam/serve/pages/stages/spoiled.js";
 import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/stages/constants.js";
-import { afterSlot, isPlayed, initialSchedule } from "../../../../src/elfslam/serve/pages/stages/medium_access.js";
+import { afterSlot, isPlayed, initialSchedule } from "../../../../src/elfslam/serve/pages/stages/hearing.js";
 
 const vectors = JSON.parse(readFileSync(process.env.ELFSLAM_VECTORS, "utf8"));
 

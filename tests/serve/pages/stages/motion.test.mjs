@@ -5,12 +5,18 @@ import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
 import {
-  bounceRms, findPeaks, footfalls, verticalBounce,
-} from "../../../../src/elfslam/serve/pages/stages/motion/footsteps.js";
-import {
-  lengthsBetween, makeFootsteps, notGiven, phoneTurn, restKept, smoothHeading,
+  bounceRms,
+  findPeaks,
+  footfalls,
+  lengthsBetween,
+  makeFootsteps,
+  notGiven,
+  phoneTurn,
+  restKept,
+  smoothHeading,
+  verticalBounce,
 } from "../../../../src/elfslam/serve/pages/stages/motion/live.js";
-import { inRunsOf, level } from "../../../../src/elfslam/serve/pages/stages/motion/level.js";
+import { inRunsOf, level } from "../../../../src/elfslam/serve/pages/stages/motion/filters.js";
 import { columnsOf, roundHalfEven, wrapAngle } from "../../../../src/elfslam/serve/pages/stages/motion/filters.js";
 
 const { parameters, walks, live, peaks } = JSON.parse(readFileSync(process.env.ELFSLAM_VECTORS));

@@ -2,7 +2,7 @@
 
 import { h } from "../shared/dom.js";
 import { counted, t } from "../shared/words.js";
-import { courseOf, stretchField, stretchOf } from "./timeline.js";
+import { courseOf, stretchField, stretchOf } from "./jobs_view.js";
 
 /** So many names stand in a question; the others are counted. */
 const MOST_NAMED = 8;
@@ -122,7 +122,7 @@ export function sensesOf({ files }) {
   return SENSES.filter(([, , file]) => files.some(({ name }) => file.test(name))).map(([sense]) => sense);
 }
 
-/** @param {Recording} recording @param {import("./timeline.js").Span | null} [kept] what was mapped of it before
+/** @param {Recording} recording @param {import("./jobs_view.js").Span | null} [kept] what was mapped of it before
  * @returns {Promise<object | null>} the job to be posted */
 export async function askToMap(recording, kept = null) {
   const course = courseOf(recording);

@@ -9,11 +9,9 @@ import { choosing, firstOrder, forgetGone, tickBoxes } from "./lists.js";
 import { openMap } from "./map_page.js";
 import { mapActions, mapsView } from "./maps_view.js";
 import { openRecording } from "./recording_page.js";
-import { recordingActions, recordingsView } from "./recordings_view.js";
-import { blankPage, pageOf, showDoor, showWho, whoIsHere } from "./session.js";
+import { recordingActions, recordingsView, onDrop, uploader } from "./recordings_view.js";
+import { blankPage, pageOf, showDoor, showWho, whoIsHere, userActions, usersView } from "./session.js";
 import { isOpen, keepKnown, poll } from "./store.js";
-import { onDrop, uploader } from "./uploads.js";
-import { userActions, usersView } from "./users_view.js";
 
 /**
  * @typedef {object} Desk what every page of the desk can use
@@ -22,7 +20,7 @@ import { userActions, usersView } from "./users_view.js";
  * @property {ReturnType<typeof uploader> | null} uploads
  * @property {Set<string>} chosen rows of lists
  * @property {Record<string, import("./lists.js").Order>} orders of lists
- * @property {import("./users_view.js").User[]} users
+ * @property {import("./session.js").User[]} users
  * @property {() => Promise<void>} now ask the server again
  * @property {() => void} render
  * @property {() => number} nowMs

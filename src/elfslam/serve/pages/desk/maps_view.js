@@ -7,12 +7,25 @@ import { grouped } from "../shared/places.js";
 import { counted, t } from "../shared/words.js";
 import { askToMerge, confirmDelete, orSay, say, showPerson } from "./dialogs.js";
 import {
-  cell, chooseCell, chosenOf, deleteChosen, emptyPage, headOf, iconButton, lengthCell, matching, nothingFound,
-  rowHead, sorted, tableInGroups, toolbarOf,
+  cell,
+  chooseCell,
+  chosenOf,
+  deleteChosen,
+  emptyPage,
+  headOf,
+  iconButton,
+  lengthCell,
+  matching,
+  nothingFound,
+  renameMap,
+  renamePlace,
+  rowHead,
+  sorted,
+  tableInGroups,
+  toolbarOf,
 } from "./lists.js";
-import { renameMap, renamePlace } from "./renaming.js";
 import { leaveMap, ownerBadge, shareMap, sharedWords } from "./sharing.js";
-import { keptOf } from "./timeline.js";
+import { keptOf } from "./jobs_view.js";
 
 /** @typedef {import("./store.js").Map_} Map_ */
 /** @typedef {import("./main.js").Desk} Desk */
@@ -222,6 +235,17 @@ function keptInput(name, value, known, placeholder) {
   return input;
 }
 
+/** Whether all is told that IMDF wants of the venue; else the first field that is empty asks for it.
+ * @param {Map<string, HTMLInputElement>} inputs */
+function askedVenue(inputs) {
+  const lacking = VENUE.map(([name]) => inputs.get(name)).find((input) => input?.value.trim() === "");
+  if (!lacking) return true;
+  /** @type {HTMLDetailsElement} */ (lacking.closest("details")).open = true;
+  [lacking.required, lacking.value] = [true, ""];
+  lacking.reportValidity();
+  return false;
+}
+
 /** @param {{id: string, name: string}} map @param {string} path @param {string} format
  * @param {Map<string, HTMLInputElement>} inputs */
 function exportLine(map, path, format, inputs) {
@@ -229,6 +253,7 @@ function exportLine(map, path, format, inputs) {
   const button = h("button", { type: "button", class: "button small", "data-format": format, "aria-label": t("Download as {{format}}", { format }) }, icon("download"), format);
   button.addEventListener("click", async () => {
     refusal.textContent = "";
+    if (format === "imdf" && !askedVenue(inputs)) return;
     button.setAttribute("aria-busy", "true");
     try {
       await download(`${path}/exports/${encodeURIComponent(format)}${queryOf(format, inputs)}`, `${fileName(map.name)}.${format}`);

@@ -1,10 +1,10 @@
 /** Microphone, loudspeaker and motion of this phone, as walking and locating share them. */
 
 import { excitationOf, periodSamples } from "../stages/chirp.js";
+import { afterSlot, initialSchedule, isPlayed } from "../stages/hearing.js";
 import { watchClocks } from "./clocks.js";
 import { keptChoice, openMicrophone } from "./microphone.js";
 import { allowMotion } from "./motion.js";
-import { startChirps, startSlots } from "./player.js";
 
 /**
  * @typedef {{
@@ -13,14 +13,14 @@ import { startChirps, startSlots } from "./player.js";
  *   play: (delayS: number, count?: number) => ReturnType<typeof startChirps>,
  *   playSlots: (delayS: number, tell: (slot: {slot: number, start: number, played: number | null,
  *     gainDb: number}) => void,
- *     parameters?: import("../stages/medium_access.js").MediumAccessParameters) => ReturnType<typeof startSlots>,
+ *     parameters?: import("../stages/hearing.js").MediumAccessParameters) => ReturnType<typeof startSlots>,
  * }} Devices
  */
 
 /**
  * Must be called from a tap. Raises Problem.
  * @param {import("./storage_client.js").StorageClient} storage @param {import("../stages/chirp.js").Chirp} chirp
- * @param {import("../stages/medium_access.js").MediumAccessParameters} mediumAccess as the server takes them
+ * @param {import("../stages/hearing.js").MediumAccessParameters} mediumAccess as the server takes them
  * @returns {Promise<Devices>}
  */
 export async function openDevices(storage, chirp, mediumAccess) {
@@ -125,4 +125,140 @@ export async function probeSound(sound, play, periodS, { quietS, chirps } = CHEC
   const measured = sound.answer("measured");
   sound.order({ do: "measure", due: firstFrame, count: chirps });
   return (await measured).measured;
+}
+
+// Plays the chirps: one source per chirp, each put on its sample of the audio clock in advance.
+
+/** So far ahead chirps are put on the clock: a page in the background wakes up once a second. */
+const AHEAD_S = 3;
+/** A page that is seen wakes up in time, and what it has heard of others counts sooner. */
+const SEEN_AHEAD_S = 1.5;
+const AMONG_OTHERS_AHEAD_S = 0.4;
+const EVERY_MS = 100;
+/** Too late to be called back. */
+const MARGIN_S = 0.05;
+/** Of full scale: leaves room for resampling on the way to the loudspeaker. */
+const LEVEL = 0.8;
+
+/**
+ * Chirps once per period.
+ * @param {AudioContext} context
+ * @param {Float32Array<ArrayBuffer>} chirp samples at the context's rate
+ * @param {number} period samples
+ * @param {number} delayS from now to the first chirp
+ * @param {number} [count] chirps in all; without it they go on until stopped
+ * @returns {{firstFrame: number, stop: () => number}} firstFrame: of the clock, at which the first one
+ *   begins; stop: lets those that sound end, and gives the frame at which the last one begins
+ */
+export function startChirps(context, chirp, period, delayS, count = Infinity) {
+  const speaker = openSpeaker(context, chirp);
+  const firstFrame = Math.ceil((context.currentTime + delayS) * context.sampleRate);
+  let next = 0;
+
+  const schedule = () => {
+    const now = context.currentTime * context.sampleRate;
+    const until = now + AHEAD_S * context.sampleRate;
+    for (; next < count && firstFrame + next * period < until; next += 1) {
+      const frame = firstFrame + next * period;
+      if (frame > now) speaker.play(frame);
+    }
+  };
+
+  schedule();
+  const timer = setInterval(schedule, EVERY_MS);
+  const stop = () => {
+    clearInterval(timer);
+    const limit = speaker.stop();
+    return firstFrame + Math.max(Math.floor((limit - firstFrame) / period), 0) * period;
+  };
+  return { firstFrame, stop };
+}
+
+/**
+ * Chirps by turns: at a random moment of each slot of one period that is ours, each by chance at full level or
+ * softer. Nobody else can know.
+ * @param {AudioContext} context
+ * @param {Float32Array<ArrayBuffer>} chirp samples at the context's rate
+ * @param {number} period samples
+ * @param {number} delayS from now to the first slot
+ * @param {import("../stages/hearing.js").MediumAccessParameters} parameters
+ * @param {(slot: {slot: number, start: number, played: number | null, gainDb: number}) => void} tell of
+ *   each slot in its order and in advance; start and played are frames of the clock, gainDb is how loud
+ * @returns {{heard: (slot: number, othersS: number[], played: boolean) => void, stop: () => number}} heard:
+ *   tells what was heard in a slot; stop: gives the frame from which on nothing is played any more
+ */
+export function startSlots(context, chirp, period, delayS, parameters, tell) {
+  const rateHz = context.sampleRate;
+  const speaker = openSpeaker(context, chirp);
+  const firstFrame = Math.ceil((context.currentTime + delayS) * rateHz);
+  let schedule = initialSchedule(parameters);
+  let slot = 0;
+
+  const playDue = () => {
+    const now = context.currentTime * rateHz;
+    const until = now + aheadS(schedule.alone >= parameters.forget) * rateHz;
+    for (;; slot += 1) {
+      const start = firstFrame + slot * period + Math.round(schedule.shiftS * rateHz);
+      if (start >= until) return;
+      const frame = start + Math.floor(chance() * parameters.jitter_s * rateHz);
+      const isOurs = isPlayed(schedule, slot, chance(), parameters) && frame > now;
+      const gainDb = chance() < 0.5 ? -(parameters.softer_db ?? 0) : 0;
+      if (isOurs) speaker.play(frame, gainDb);
+      tell({ slot, start, played: isOurs ? frame : null, gainDb });
+    }
+  };
+
+  playDue();
+  const timer = setInterval(playDue, EVERY_MS);
+  const stop = () => {
+    clearInterval(timer);
+    return speaker.stop();
+  };
+  /** @param {number} at the slot @param {number[]} othersS @param {boolean} played */
+  const heard = (at, othersS, played) => {
+    schedule = afterSlot(schedule, at, othersS, played, chance(), parameters);
+  };
+  return { heard, stop };
+}
+
+/** @param {boolean} isAlone */
+function aheadS(isAlone) {
+  if (document.hidden) return AHEAD_S;
+  return isAlone ? SEEN_AHEAD_S : AMONG_OTHERS_AHEAD_S;
+}
+
+/** Uniform in [0, 1), and nobody can foresee it. */
+function chance() {
+  return crypto.getRandomValues(new Uint32Array(1))[0] / 2 ** 32;
+}
+
+/**
+ * play: puts a chirp on a frame of the clock, so loud (dB); stop: calls back those that do not sound yet.
+ * @param {AudioContext} context @param {Float32Array<ArrayBuffer>} chirp
+ */
+function openSpeaker(context, chirp) {
+  const buffer = context.createBuffer(1, chirp.length, context.sampleRate);
+  buffer.copyToChannel(chirp, 0);
+  const gain = new GainNode(context, { gain: LEVEL });
+  gain.connect(context.destination);
+  /** @type {Map<AudioBufferSourceNode, number>} */
+  const due = new Map();
+  /** @param {number} frame */
+  const play = (frame, gainDb = 0) => {
+    const source = new AudioBufferSourceNode(context, { buffer });
+    const softer = new GainNode(context, { gain: 10 ** (gainDb / 20) });
+    source.connect(softer).connect(gain);
+    source.onended = () => {
+      due.delete(source);
+      softer.disconnect();
+    };
+    source.start(frame / context.sampleRate);
+    due.set(source, frame);
+  };
+  const stop = () => {
+    const limit = (context.currentTime + MARGIN_S) * context.sampleRate;
+    due.forEach((frame, source) => frame > limit && source.stop());
+    return limit;
+  };
+  return { play, stop };
 }

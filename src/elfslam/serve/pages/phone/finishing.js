@@ -1,8 +1,7 @@
 /** The end of a walk: the rest is sent, the server reads it and makes a map, and the page links there. */
 
 import { ask } from "../shared/api.js";
-import { formatBytes, formatDuration } from "../shared/format.js";
-import { missingWords, stageWords } from "../shared/job_words.js";
+import { formatBytes, formatDuration, missingWords, stageWords } from "../shared/format.js";
 import { t, translated } from "../shared/words.js";
 import { BASEBAND } from "./baseband.js";
 import { SOUND_FILES, TABLE_FILES, cutsFor, lastTime } from "./manifest.js";
@@ -16,7 +15,7 @@ import { closeWalk } from "./walking.js";
  * @typedef {import("./sending.js").Progress} Progress
  * @typedef {import("./sending.js").Sent} Sent
  * @typedef {{created_utc: string, doing: string, kind: string, problem: string | null, share: number | null} & (
- *   {state: "done", gave: {map: string, missing?: import("../shared/job_words.js").Missing[]}} | {state: "queued" | "running" | "failed" | "cancelled"}
+ *   {state: "done", gave: {map: string, missing?: import("../shared/format.js").Missing[]}} | {state: "queued" | "running" | "failed" | "cancelled"}
  * )} Job as far as the page needs it
  */
 

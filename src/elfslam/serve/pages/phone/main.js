@@ -38,7 +38,7 @@ const storage = startStorage();
  * What the page knows; `phone` is there once sound and motion are allowed.
  * @type {{
  *   chirp: import("../stages/chirp.js").Chirp, software: string, phone: Phone | null, walks: Sent[],
- *   mediumAccess: import("../stages/medium_access.js").MediumAccessParameters,
+ *   mediumAccess: import("../stages/hearing.js").MediumAccessParameters,
  *   current?: Sent, sending?: Sending, begun?: Promise<void>, isGuest: boolean, simulated: Simulated | null,
  * }} current: the walk that is shown; isGuest: a link brought somebody here; simulated: instead of this phone
  */

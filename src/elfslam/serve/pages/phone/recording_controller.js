@@ -7,9 +7,8 @@ import { stayAwake } from "./devices.js";
 import { startSending } from "./finishing.js";
 import { showMarks, showNoSketch, startGrowing } from "./growing/growing.js";
 import { openTapping } from "./growing/tapping.js";
-import { makeSegments } from "./segments.js";
+import { closeWalk, startWalking, makeSegments } from "./walking.js";
 import { at, showChirps, showFacts, showLevel, showNetwork, showPause, totalBytes } from "./view.js";
-import { closeWalk, startWalking } from "./walking.js";
 
 const SHOW_EVERY_MS = 500;
 /** A page whose timers stood still for so long was asleep. */
@@ -20,7 +19,7 @@ const ASLEEP_MS = 2500;
  * @typedef {ReturnType<typeof startSending>} Sending
  * @typedef {{
  *   storage: import("./storage_client.js").StorageClient, software: () => string,
- *   mediumAccess: () => import("../stages/medium_access.js").MediumAccessParameters,
+ *   mediumAccess: () => import("../stages/hearing.js").MediumAccessParameters,
  *   devices: () => Promise<import("./devices.js").Devices>, latencyS: () => number | null,
  *   finish: (sent: Sent, sending: Sending) => Promise<void>,
  *   act: (work: () => unknown) => (event?: Event) => Promise<void>,
@@ -31,7 +30,7 @@ const ASLEEP_MS = 2500;
 export function makeRecordingController(given) {
   const { storage, finish } = given;
   /**
-   * @type {{sent: Sent, segments: import("./segments.js").Segments, sending: Sending, growing: ReturnType<typeof startGrowing>,
+   * @type {{sent: Sent, segments: import("./walking.js").Segments, sending: Sending, growing: ReturnType<typeof startGrowing>,
    *   leave: () => void} | null}
    */
   let now = null;
@@ -153,7 +152,7 @@ async function beginLeg(given, sent, growing, fromS) {
 
 /**
  * Shows a walk as it goes, and says when the page was asleep. Gives what ends that.
- * @param {Sent} sent @param {Sending} sending @param {import("./segments.js").Segments} segments
+ * @param {Sent} sent @param {Sending} sending @param {import("./walking.js").Segments} segments
  */
 function watchWalk(sent, sending, segments) {
   const awake = stayAwake(at("awake"));

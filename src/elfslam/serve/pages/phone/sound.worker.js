@@ -72,7 +72,7 @@ function answerMeasured({ due, count }) {
  * walk goes on that was interrupted, of whose files so much is `kept`. `latencyS` is how long sound took from
  * playing to hearing until now, null where nobody knows.
  * @param {{walk: string, kind: Kind, latencyS?: number | null, fromS?: number, kept?: Record<string, number>,
- *   mediumAccess: import("../stages/medium_access.js").MediumAccessParameters}} order
+ *   mediumAccess: import("../stages/hearing.js").MediumAccessParameters}} order
  */
 function startRecording({ walk, kind, mediumAccess, latencyS = null, fromS = 0, kept = {} }) {
   const { rateHz } = sound;

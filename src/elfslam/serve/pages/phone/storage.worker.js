@@ -4,13 +4,12 @@
  */
 
 import { marked } from "../shared/marked.js";
-import { openIdbStore } from "./idb_store.js";
-import { openOpfsStore } from "./opfs_store.js";
+import { openIdbStore, openOpfsStore } from "./byte_stores.js";
 
 const STATE = "walk.json";
 
 /**
- * @typedef {import("./opfs_store.js").Kept} Kept
+ * @typedef {import("./byte_stores.js").Kept} Kept
  * @typedef {import("./manifest.js").Walk} Walk
  * @typedef {{walk: string, name: string, parts: [name: string, bytes: Uint8Array][], state: Walk, reserve: number,
  *   start: number, end: number, size: number}} Given what orders are about; each looks at what it needs
@@ -18,7 +17,7 @@ const STATE = "walk.json";
  * @typedef {import("./storage_client.js").Answer} Answer
  */
 
-/** @type {Promise<import("./opfs_store.js").ByteStore>} */
+/** @type {Promise<import("./byte_stores.js").ByteStore>} */
 const store = openOpfsStore().then((found) => found ?? openIdbStore());
 /** @type {Map<string, Kept>} by walk and name */
 const open = new Map();

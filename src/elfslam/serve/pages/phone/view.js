@@ -2,7 +2,7 @@
 
 import { formatBytes, formatDuration, formatLevel, formatShare, formatWhen } from "../shared/format.js";
 import { locale, t } from "../shared/words.js";
-import { mayGoOn } from "./segments.js";
+import { mayGoOn } from "./walking.js";
 
 const BROKEN_OFF =
   t("This walk was broken off. Nothing is recorded until you go on; what was recorded is kept, and can be sent as it is.");

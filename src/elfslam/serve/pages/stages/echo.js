@@ -1,8 +1,7 @@
 /** Echo cutting as elfslam.stages.echo does it, while the sound comes in. */
 
 import { DISCARDED_SAMPLES, ECHO_RATE_HZ, ECHO_SAMPLES, FACTS } from "./constants.js";
-import { makePeriodSearch } from "./echo_arrivals.js";
-import { makeScheduleSearch } from "./echo_schedule.js";
+import { makePeriodSearch, makeScheduleSearch } from "./echo_arrivals.js";
 import { atEchoRate, makeEnvelope } from "./matched_filter.js";
 import { makeResampler, makeStream } from "./resample.js";
 
@@ -16,7 +15,7 @@ const UNASKED = 1000;
 /**
  * @typedef {import("./echo_arrivals.js").Arrival} Arrival
  * @typedef {import("./echo_arrivals.js").EchoParameters} EchoParameters
- * @typedef {import("./echo_schedule.js").ScheduleSearch} ScheduleSearch
+ * @typedef {import("./echo_arrivals.js").ScheduleSearch} ScheduleSearch
  * @typedef {{tS: number, samples: Float32Array, directLevel: number,
  *   facts: {lateS: number, jumpedS: number}}} Echo tS: of the direct arrival, on the clock of the samples
  *   that came in; samples (2352) at 44.1 kHz; lateS: after it was due; jumpedS: where it came off its time

@@ -13,7 +13,7 @@ import { marked } from "../shared/marked.js";
  *   chirp: import("./chirp.js").ChirpParameters,
  *   echo: import("./echo_arrivals.js").EchoParameters,
  *   locate: import("./locate.js").LocateParameters,
- *   medium_access: import("./medium_access.js").MediumAccessParameters,
+ *   medium_access: import("./hearing.js").MediumAccessParameters,
  *   motion: import("./motion/filters.js").MotionParameters,
  *   spoofing: import("./spoofing.js").SpoofingParameters,
  *   track: import("./track.js").TrackParameters,

@@ -16,7 +16,7 @@ const NEAR = FOREIGN.NEAR_S * ECHO_RATE_HZ;
 
 /**
  * @typedef {import("./echo.js").Echo} Echo
- * @typedef {import("./medium_access.js").MediumAccessParameters} MediumAccessParameters
+ * @typedef {import("./hearing.js").MediumAccessParameters} MediumAccessParameters
  */
 
 /**
@@ -138,7 +138,7 @@ export function makeSpoiled(heard, parameters) {
 /**
  * @param {import("./echo.js").EchoCutter} cutter
  * @param {number} periodS
- * @param {import("./medium_access.js").MediumAccessParameters} parameters
+ * @param {import("./hearing.js").MediumAccessParameters} parameters
  * @returns {{add: (slot: Slot) => void, take: () => import("./hearing.js").Heard[],
  *   clean: (echoes: import("./echo.js").Echo[]) => import("./echo.js").Echo[]}} take: what
  *   was heard in the slots that are over; after the first sound only. clean: echoes without those that others

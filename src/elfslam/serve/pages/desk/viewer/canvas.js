@@ -1,18 +1,17 @@
 // The canvas of the viewer: it draws when something has changed, and answers hands.
 
 import { h } from "../../shared/dom.js";
+import { formatDuration, formatMetres, formatNumber } from "../../shared/format.js";
 import { onGestures } from "../../shared/map/gestures.js";
 import { density, makeScale, mountSurface, zoomButtons } from "../../shared/map/ground.js";
 import { corners, isOnPlan, middle, moved, stretched, turned } from "../../shared/map/placement.js";
 import { around, boundsOf, fit, toMap, toScreen } from "../../shared/map/projection.js";
-import { t } from "../../shared/words.js";
-import { draw } from "./draw.js";
-import { focusAt, nextFocus, tell } from "./hover_text.js";
+import { counted, t } from "../../shared/words.js";
+import { draw, drawMarks, focusPlace, HANDLE_PX, handlesOf } from "./draw.js";
 import { drawLive } from "./live.js";
-import { HANDLE_PX, drawMarks, focusPlace, handlesOf } from "./marks.js";
-import { paletteOf } from "./state.js";
+import { cellAt, nearest, stepAt, paletteOf, STATUS_WORDS } from "./scene.js";
 
-/** @typedef {import("./state.js").State} State */
+/** @typedef {import("./scene.js").State} State */
 /** @typedef {import("./scene.js").Scene} Scene */
 
 const MANY_FOOTSTEPS = 3000;
@@ -58,7 +57,7 @@ export function mountCanvas(scene, state, name, told) {
     tip.style.translate = `${left}px ${above < 8 ? y + 18 : above}px`;
   }
 
-  function setFocus(/** @type {import("./state.js").Focus | null} */ focus, spokenToo = false) {
+  function setFocus(/** @type {import("./scene.js").Focus | null} */ focus, spokenToo = false) {
     state.focus = focus;
     if (focus && spokenToo) {
       const { name: title, line } = tell(scene, state, focus);
@@ -189,4 +188,84 @@ function offset(to, from) {
 /** @param {Point} one @param {Point} other @returns {Point} */
 function plus(one, other) {
   return [one[0] + other[0], one[1] + other[1]];
+}
+
+// What is under the finger, in words. Pure.
+
+/** @typedef {import("./scene.js").Focus} Focus */
+
+/** The footstep, fix or square at a place; null where there is nothing.
+ * @param {Scene} scene @param {State} state @param {Point} xy_m @param {number} reach_m
+ * @returns {Focus | null} */
+export function focusAt(scene, state, xy_m, reach_m) {
+  const fix = state.layers.fixes ? nearestFix(state, xy_m, reach_m) : null;
+  if (fix) return fix;
+  const seen = (/** @type {number} */ row) => !state.hidden.has(stepAt(scene, row).walk);
+  const row = state.layers.trajectories ? nearest(scene.index, xy_m, reach_m, seen) : null;
+  if (row !== null) return { kind: "step", ...stepAt(scene, row) };
+  if (state.layers.coverage && scene.coverage && cellAt(scene.coverage, xy_m)) return { kind: "cell", xy_m };
+  return null;
+}
+
+/** @param {State} state @param {Point} xy_m @param {number} reach_m @returns {Focus | null} */
+function nearestFix({ located }, [x, y], reach_m) {
+  /** @type {Focus | null} */
+  let best = null;
+  let best_m = reach_m;
+  located.forEach((walk, at) => {
+    if (!walk.shown) return;
+    walk.fixes.forEach(({ xy_m }, fix) => {
+      const away_m = xy_m ? Math.hypot(xy_m[0] - x, xy_m[1] - y) : Infinity;
+      if (away_m <= best_m) [best, best_m] = [{ kind: "fix", located: at, fix }, away_m];
+    });
+  });
+  return best;
+}
+
+/** A name and a line. @param {Scene} scene @param {State} state @param {Focus} focus
+ * @returns {{name: string, line: string}} */
+export function tell(scene, state, focus) {
+  if (focus.kind === "step") return tellStep(scene.walks[focus.walk], focus.step);
+  if (focus.kind === "fix") return tellFix(state.located[focus.located], focus.fix);
+  const cell = scene.coverage && cellAt(scene.coverage, focus.xy_m);
+  const known = cell?.sigma_m ?? null;
+  return {
+    name: counted(cell?.walks ?? 0, "{{count}} walk here", "{{count}} walks here"),
+    line: known === null ? t("uncertainty unknown") : t("places are known to ± {{distance}}", { distance: formatMetres(known) }),
+  };
+}
+
+/** @param {import("./scene.js").Walk} walk @param {number} step */
+function tellStep(walk, step) {
+  const sigma_m = walk.sigma_m?.[step] ?? null;
+  const parts = [t("footstep {{number}}", { number: step + 1 }), placeWords(walk.xy_m[step])];
+  if (walk.t_s[step] !== undefined) parts.unshift(t("at {{time}}", { time: formatDuration(walk.t_s[step]) }));
+  if (sigma_m !== null) parts.push(`± ${formatMetres(sigma_m)}`);
+  return { name: walk.name, line: parts.join(" · ") };
+}
+
+/** @param {import("./scene.js").Located} located @param {number} at */
+function tellFix({ name, fixes }, at) {
+  const { t_s, xy_m, sigma_m, status } = fixes[at];
+  const parts = [STATUS_WORDS[status] ?? status, t("at {{time}}", { time: formatDuration(t_s) })];
+  if (xy_m) parts.push(placeWords(xy_m));
+  if (sigma_m !== null) parts.push(`± ${formatMetres(sigma_m)}`);
+  return { name, line: parts.join(" · ") };
+}
+
+/** @param {Point} xy_m */
+function placeWords([x_m, y_m]) {
+  return t("x {{x}}, y {{y}} m", { x: formatNumber(x_m, 2), y: formatNumber(y_m, 2) });
+}
+
+/** The footstep before or after the one in focus, over all walks that are shown.
+ * @param {Scene} scene @param {State} state @param {number} by @returns {Focus | null} */
+export function nextFocus(scene, state, by) {
+  const shown = scene.walks.map((_, at) => at).filter((at) => !state.hidden.has(at));
+  const rows = shown.flatMap((walk) => scene.walks[walk].xy_m.map((_, step) => ({ walk, step })));
+  if (rows.length === 0) return null;
+  const { focus } = state;
+  const now = focus?.kind === "step" ? rows.findIndex((r) => r.walk === focus.walk && r.step === focus.step) : -1;
+  const next = now < 0 ? (by > 0 ? 0 : rows.length - 1) : (now + by + rows.length) % rows.length;
+  return { kind: "step", ...rows[next] };
 }

@@ -5,9 +5,9 @@ import { h } from "../../shared/dom.js";
 import { toScreen } from "../../shared/map/projection.js";
 import { t } from "../../shared/words.js";
 import { orSay } from "../dialogs.js";
-import { mark } from "./marks.js";
+import { mark } from "./draw.js";
 import { part } from "./panel.js";
-import { STATUS_WORDS } from "./state.js";
+import { STATUS_WORDS } from "./scene.js";
 
 /** @typedef {import("../../shared/map/projection.js").Point} Point */
 /**
@@ -61,8 +61,8 @@ export function stillThere(walkers, now_ms) {
 }
 
 /** A mark in the shape of the status, a circle of uncertainty, and the name.
- * @param {CanvasRenderingContext2D} context @param {import("./state.js").State} state
- * @param {ReturnType<typeof import("./state.js").paletteOf>} palette */
+ * @param {CanvasRenderingContext2D} context @param {import("./scene.js").State} state
+ * @param {ReturnType<typeof import("./scene.js").paletteOf>} palette */
 export function drawLive(context, { live, view, size }, palette) {
   for (const walker of live) {
     if (!walker.xy_m) continue;
@@ -117,7 +117,7 @@ function drawName(context, [x, y], name, { ink, surface }) {
 
 // Beside the map: who lets others see where they are, heard live, and the switch of the map's owner.
 
-/** @typedef {import("./state.js").State} State */
+/** @typedef {import("./scene.js").State} State */
 /** @typedef {{is_on: boolean, origin: {latitude_deg: number, longitude_deg: number, bearing_deg: number} | null}} Settings */
 
 const LOOK_EVERY_MS = 1000;

@@ -18,8 +18,8 @@ const ENCODER = new URL("../../stages/encoder.onnx", import.meta.url);
  * @typedef {{
  *   chirp: import("../../stages/chirp.js").ChirpParameters,
  *   echo: import("../../stages/echo.js").EchoParameters, motion: import("../../stages/motion/filters.js").MotionParameters,
- *   locate: {fewest_echoes: number}, medium_access: import("../../stages/medium_access.js").MediumAccessParameters,
- *   closure: import("../../stages/growing_graph.js").ClosureParameters,
+ *   locate: {fewest_echoes: number}, medium_access: import("../../stages/hearing.js").MediumAccessParameters,
+ *   closure: import("./sketch.js").ClosureParameters,
  * }} GrowingParameters
  * @typedef {import("../devices.js").Devices} Devices
  * @typedef {{slot: number, start: number, played: number | null, gainDb: number}} Slot frames of the clock

@@ -4,9 +4,8 @@
  */
 
 import { openEncoder } from "../../stages/encoder.js";
-import { amidNoise } from "../../stages/growing_graph.js";
+import { drawBySteps, makeSketch, amidNoise } from "./sketch.js";
 import { openPipeline } from "../../stages/pipeline.js";
-import { drawBySteps, makeSketch } from "./sketch.js";
 
 /** @type {ReturnType<typeof makeSketch> | null} */
 let sketch = null;

@@ -3,7 +3,8 @@
  * places that the walker has marked. The server makes the map itself, anew and with more care. Pure.
  */
 
-import { makeClosureSearch, makeGrowingGraph, unrivalled } from "../../stages/growing_graph.js";
+import { ATTENUATION } from "../../stages/constants.js";
+import { wrapAngle } from "../../stages/motion/filters.js";
 import { stepsUntil } from "../locating/deciding.js";
 
 /** Where a walk was interrupted nobody knows where the walker went meanwhile. */
@@ -29,7 +30,7 @@ const WORTH = 12;
  * @typedef {import("../../stages/motion/filters.js").Step} Step
  */
 
-/** @param {import("../../stages/growing_graph.js").ClosureParameters} closure parameters */
+/** @param {ClosureParameters} closure parameters */
 export function makeSketch(closure) {
   const graph = makeGrowingGraph();
   const search = makeClosureSearch(closure);
@@ -43,7 +44,7 @@ export function makeSketch(closure) {
   let last = -APART;
   let count = 0;
 
-  /** @param {import("../../stages/growing_graph.js").Closure} found */
+  /** @param {Closure} found */
   const close = (found) => {
     if (graph.closures().length < MOST_CLOSURES && graph.offer(found)) last = found.j;
   };
@@ -134,4 +135,294 @@ export function drawBySteps({ sketch, memory, footsteps }) {
       return steps.length > 0 ? [sketch.now()] : [];
     },
   };
+}
+
+/**
+ * The pose graph of a walk that goes on, in its dual form: the unknowns are the errors of the steps, and what
+ * is solved for is as small as the closures are few. The answer is that of elfslam.stages.graph for the same
+ * steps and closures. A closure is believed where it fits what the graph predicts there (gating of innovations).
+ */
+
+/** Relinearised so often: the closures that are believed have passed a gate, and lie near. */
+const ROUNDS = 4;
+/** A chi-square of three degrees of freedom is larger in one of 100 cases. */
+const GATE = 11.345;
+
+/**
+ * @typedef {{i: number, j: number, iFromJ: number[], sigma: number[]}} Closure the pose of footstep j as seen
+ *   from footstep i < j (forward m, left m, turn rad), and the sigma of each
+ * @typedef {{moveM: number[], sigma: number[]}} Move of a step
+ */
+
+/**
+ * @param {{startPose?: number[], gate?: number}} given gate: the squared Mahalanobis distance beyond which a closure
+ *   is not believed
+ * @returns {{step: (move: Move) => void, offer: (closure: Closure) => boolean, poses: () => Float64Array,
+ *   closures: () => Closure[]}} offer: whether the closure is believed; poses: x m, y m, heading rad of the
+ *   start and of each footstep
+ */
+export function makeGrowingGraph({ startPose = [0, 0, 0], gate = GATE } = {}) {
+  /** @type {Move[]} */
+  const moves = [];
+  /** @type {Closure[]} */
+  let believed = [];
+  /** Errors of the steps (3n). @type {number[]} */
+  let errors = [];
+  let poses = Float64Array.from(startPose);
+
+  /** @param {Move} move */
+  const step = (move) => {
+    moves.push(move);
+    errors.push(0, 0, 0);
+    poses = chained(startPose, moves, errors);
+  };
+
+  const variances = () => moves.flatMap(({ sigma }) => sigma.map((each) => each * each));
+
+  /** @param {Closure} closure */
+  const offer = (closure) => {
+    const rows = linearised([closure, ...believed], poses, moves);
+    if (distanceOf(rows, covarianceOf(rows, variances()), errors) > gate) return false;
+    believed = [...believed, closure];
+    solve();
+    return true;
+  };
+
+  const solve = () => {
+    const prior = variances();
+    for (let round = 0; round < ROUNDS; round += 1) {
+      const rows = linearised(believed, poses, moves);
+      const weights = solved(covarianceOf(rows, prior), innovations(rows, errors));
+      errors = prior.map(() => 0);
+      rows.forEach(({ of, from, to }, k) => {
+        for (let at = from; at < to; at += 1) errors[at] += prior[at] * of[at] * weights[k];
+      });
+      poses = chained(startPose, moves, errors);
+    }
+  };
+
+  return { step, offer, poses: () => poses, closures: () => believed };
+}
+
+/** Poses (3 (n+1)) by moves and their errors. @param {number[]} start @param {Move[]} moves
+ * @param {number[]} errors */
+function chained(start, moves, errors) {
+  const poses = new Float64Array(3 * (moves.length + 1));
+  let [x, y, heading] = start;
+  poses.set([x, y, heading]);
+  moves.forEach(({ moveM: [forward, left, turn] }, k) => {
+    const [ahead, aside] = [forward + errors[3 * k], left + errors[3 * k + 1]];
+    const [cos, sin] = [Math.cos(heading), Math.sin(heading)];
+    x += cos * ahead - sin * aside;
+    y += sin * ahead + cos * aside;
+    heading = wrapAngle(heading + turn + errors[3 * k + 2]);
+    poses.set([x, y, heading], 3 * (k + 1));
+  });
+  return poses;
+}
+
+/**
+ * One equation: what an error of each step does to a residual; those on the way from i to j alone do anything.
+ * @typedef {{of: Float64Array, from: number, to: number, residual: number, variance: number}} Row
+ */
+
+/** Three equations for each closure. @param {Closure[]} closures @param {Float64Array} poses @param {Move[]} moves
+ * @returns {Row[]} */
+function linearised(closures, poses, moves) {
+  return closures.flatMap(({ i, j, iFromJ, sigma }) => {
+    const [xi, yi, hi] = poses.subarray(3 * i, 3 * i + 3);
+    const [xj, yj, hj] = poses.subarray(3 * j, 3 * j + 3);
+    const [cos, sin] = [Math.cos(hi), Math.sin(hi)];
+    /** In the axes of footstep i. @param {number} x @param {number} y @returns {[number, number]} */
+    const seen = (x, y) => [cos * x + sin * y, cos * y - sin * x];
+    const [forward, left] = seen(xj - xi, yj - yi);
+    const residual = [forward - iFromJ[0], left - iFromJ[1], wrapAngle(hj - hi - iFromJ[2])];
+    const size = 3 * moves.length;
+    const rows = [0, 1, 2].map((axis) => ({
+      of: new Float64Array(size), from: 3 * i, to: 3 * j, residual: residual[axis], variance: sigma[axis] ** 2,
+    }));
+    /** @param {number} at @param {[number, number]} moved @param {number} turned */
+    const put = (at, [dx, dy], turned) => {
+      rows[0].of[at] = dx;
+      rows[1].of[at] = dy;
+      rows[2].of[at] = turned;
+    };
+    for (let k = i; k < j; k += 1) {
+      const heading = poses[3 * k + 2];
+      put(3 * k, seen(Math.cos(heading), Math.sin(heading)), 0);
+      put(3 * k + 1, seen(-Math.sin(heading), Math.cos(heading)), 0);
+      put(3 * k + 2, seen(poses[3 * k + 4] - yj, xj - poses[3 * k + 3]), 1);
+    }
+    return rows;
+  });
+}
+
+/** Covariance of the residuals as dead reckoning predicts it, and of what was measured: a symmetric matrix.
+ * @param {Row[]} rows @param {number[]} prior @returns {Float64Array[]} */
+function covarianceOf(rows, prior) {
+  const weighed = rows.map(({ of }) => of.map((each, at) => each * prior[at]));
+  return rows.map((row, k) =>
+    Float64Array.from(rows, (other, l) => {
+      if (l > k) return 0; // the lower half is enough
+      const [from, to] = [Math.max(row.from, other.from), Math.min(row.to, other.to)];
+      return dot(weighed[k], other.of, from, to) + (k === l ? row.variance : 0);
+    }));
+}
+
+/**
+ * Squared Mahalanobis distance of the first three residuals from what the others predict for them.
+ * @param {Row[]} rows @param {Float64Array[]} covariance @param {number[]} errors as they are now
+ */
+function distanceOf(rows, covariance, errors) {
+  const whole = innovations(rows, errors);
+  const others = covariance.slice(3).map((row) => row.subarray(3));
+  return chiSquare(covariance, whole) - chiSquare(others, whole.slice(3));
+}
+
+/** What was measured less what dead reckoning alone would have. @param {Row[]} rows @param {number[]} errors */
+function innovations(rows, errors) {
+  return rows.map(({ of, from, to, residual }) => dot(of, errors, from, to) - residual);
+}
+
+/** @param {Float64Array[]} covariance @param {number[]} residual */
+function chiSquare(covariance, residual) {
+  return solved(covariance, residual).reduce((sum, each, k) => sum + each * residual[k], 0);
+}
+
+/**
+ * Cholesky: x of A x = b, with A (n, n) positive definite, of which the lower half is read.
+ * @param {Float64Array[]} matrix @param {number[]} right
+ */
+export function solved(matrix, right) {
+  const lower = matrix.map((row) => row.slice());
+  lower.forEach((row, k) => {
+    for (let l = 0; l <= k; l += 1) {
+      const rest = row[l] - dot(row, lower[l], 0, l);
+      row[l] = l === k ? Math.sqrt(rest) : rest / lower[l][l];
+    }
+  });
+  const out = [...right];
+  for (let k = 0; k < out.length; k += 1) out[k] = (out[k] - dot(lower[k], out, 0, k)) / lower[k][k];
+  for (let k = out.length - 1; k >= 0; k -= 1) {
+    for (let l = k + 1; l < out.length; l += 1) out[k] -= lower[l][k] * out[l];
+    out[k] /= lower[k][k];
+  }
+  return out;
+}
+
+/** @param {ArrayLike<number>} one @param {ArrayLike<number>} other @param {number} [from] @param {number} [to] */
+function dot(one, other, from = 0, to = one.length) {
+  let sum = 0;
+  for (let k = from; k < to; k += 1) sum += one[k] * other[k];
+  return sum;
+}
+
+// Loop closures of a walk that goes on, footstep by footstep: the sequence matching of elfslam.stages.closure, of which
+// a row is done as soon as the footsteps behind it are known. What is found is offered to the graph, which decides.
+
+const AGAIN = 1;
+const BACK = -1;
+
+/**
+ * @typedef {{threshold: number, back_margin: number, near_footsteps: number, half_sequence: number, half_peak: number,
+ *   ridge_footsteps: number, rival_margin: number, along_sigma_m: number, across_sigma_m: number,
+ *   heading_sigma_rad: number}} ClosureParameters the group "closure", as far as pages need it
+ * @typedef {{i: number, j: number, score: number, ahead: number, isBack: boolean}} Found footstep j is where footstep
+ *   i < j was, `ahead` steps further, and walked the other way where `isBack`
+ */
+
+/**
+ * What counts as similar amid noise, which shortens mean features: elfslam.stages.feature.attenuation_of, squared, as
+ * two of them are multiplied.
+ * @param {ClosureParameters} parameters @param {number | null} echoDb echoes and noise over noise, where it was measured
+ * @returns {ClosureParameters}
+ */
+export function amidNoise(parameters, echoDb) {
+  if (echoDb === null) return parameters;
+  const { QUIET_PHONE_DB: quietDb, NOISIEST_DB: noisiestDb } = ATTENUATION;
+  const overNoiseDb = 10 * Math.log10(Math.max(10 ** (echoDb / 10) - 1, 1e-3));
+  /** @param {number} level @returns {number} the signal's part of the power */
+  const share = (level) => 1 / (1 + 10 ** (-level / 10));
+  const left = share(Math.min(Math.max(overNoiseDb, noisiestDb), quietDb)) / share(quietDb);
+  const { threshold, back_margin: back, rival_margin: rival } = parameters;
+  return { ...parameters, threshold: left * threshold, back_margin: left * back, rival_margin: left * rival };
+}
+
+/**
+ * @param {ClosureParameters} parameters
+ * @returns {(mean: Float32Array | null) => Found[]} takes what was heard from a footstep to the next (unit vectors
+ *   averaged; null where it was silent) and gives the earlier footsteps that sound like the one half a sequence ago,
+ *   the most alike first
+ */
+export function makeClosureSearch(parameters) {
+  const { half_sequence: half, near_footsteps: near } = parameters;
+  /** @type {(Float32Array | null)[]} */
+  const means = [];
+  /** Of each footstep with all before it, and with itself. @type {Float32Array[]} */
+  const alike = [];
+
+  /** @param {number} j @param {number} i */
+  const similarity = (j, i) => (i <= j ? alike[j][i] : alike[i][j]);
+
+  /**
+   * Averaged along the diagonal through footsteps j and i, or along the antidiagonal.
+   * @param {number} j @param {number} i @param {number} reach @param {number} way
+   */
+  const averaged = (j, i, reach, way) => {
+    let [sum, count] = [0, 0];
+    for (let k = -reach; k <= reach; k += 1) {
+      const [row, column] = [j + k, i + k * way];
+      if (row < 0 || row >= means.length || column < 0 || column >= means.length) continue;
+      sum += similarity(row, column);
+      count += 1;
+    }
+    return sum / count;
+  };
+
+  /** @param {number} j @param {number} way @returns {Found[]} */
+  const ridges = (j, way) => {
+    const { ridge_footsteps: ridge, half_peak: peak } = parameters;
+    const least = parameters.threshold + (way === BACK ? parameters.back_margin : 0);
+    const row = Array.from({ length: j - near + 1 + ridge }, (_, i) => averaged(j, i, half, way));
+    /** @param {number} i */
+    const isRidge = (i) => row[i] >= Math.max(...row.slice(Math.max(i - ridge, 0), i + ridge + 1));
+    const found = [];
+    for (let i = half; i <= j - near; i += 1) {
+      if (row[i] < least || !isRidge(i)) continue;
+      const beside = offsetOf([i - 1, i, i + 1].map((each) => averaged(j, each, peak, way)));
+      found.push({ i, j, score: row[i], ahead: beside + (way === BACK ? 1 : 0), isBack: way === BACK });
+    }
+    return found;
+  };
+
+  return (mean) => {
+    means.push(mean);
+    alike.push(Float32Array.from(means, (other) => (mean && other ? dot(mean, other) : 0)));
+    const j = means.length - 1 - half;
+    if (j - near < half) return [];
+    return [...ridges(j, AGAIN), ...ridges(j, BACK)].sort((one, other) => other.score - one.score);
+  };
+}
+
+/**
+ * What the graph is offered: the best, unless another place is nearly as much alike.
+ * @param {Found[]} found the best first @param {Float64Array} poses (3n) of the footsteps as they are now
+ * @param {ClosureParameters} parameters
+ * @returns {Closure | null}
+ */
+export function unrivalled(found, poses, parameters) {
+  if (found.length === 0) return null;
+  const [{ i, j, score, ahead, isBack }, ...others] = found;
+  /** @param {number} k @param {number} l */
+  const apartM = (k, l) => Math.hypot(poses[3 * k] - poses[3 * l], poses[3 * k + 1] - poses[3 * l + 1]);
+  const slackM = 3 * Math.hypot(parameters.along_sigma_m, parameters.across_sigma_m);
+  if (others.some((other) => score - other.score < parameters.rival_margin && apartM(i, other.i) > slackM)) return null;
+  const sigma = [parameters.along_sigma_m, parameters.across_sigma_m, parameters.heading_sigma_rad];
+  return { i, j, iFromJ: [ahead * apartM(i, i + 1), 0, isBack ? Math.PI : 0], sigma };
+}
+
+/** How far beside the middle the parabola through three values peaks. @param {number[]} values */
+function offsetOf([left, middle, right]) {
+  const curvature = Math.min(2 * (left - 2 * middle + right), -1e-3);
+  return Math.min(Math.max((left - right) / curvature, -1), 1);
 }
