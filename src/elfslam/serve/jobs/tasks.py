@@ -13,7 +13,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from elfslam.base.errors import InputError
-from elfslam.data.map_files import BY_TAPS
+from elfslam.data.map_files import BY_TAPS, MAP
 from elfslam.serve.jobs.executors import GIVEN, TASK
 from elfslam.serve.jobs.queue import Claim
 from elfslam.serve.services import Services
@@ -92,8 +92,9 @@ def _locate(session: Session, held: Claim) -> Task:
     place = _still(session, held, _existing(session, held.given["map"]), Right.READ)
     floors = floors_of(session, Principal(held.user_id), place)
     folders = {name_of(each): folder_of_map(session, each.id) for each in floors}
-    levels = {str(each.facts.get("level", 0)): name_of(each) for each in floors}
-    told = {"recording": name, "floors": levels, "place": place.name}
+    levels = {str(each.facts.get("level", 0)): name_of(each)
+              for each in floors if each is place or MAP in folders[name_of(each)]}  # fmt: skip
+    told = {"recording": name, "map": name_of(place), "floors": levels, "place": place.name}
     return {**told, "mode": held.given["mode"]}, {name: named, **folders}
 
 

@@ -29,7 +29,7 @@ from elfslam.base.arrays import F64
 from elfslam.base.enums import Modality, Mode, parse_stretch
 from elfslam.base.errors import ElfslamError, NoAnswerError
 from elfslam.base.geometry import path_length_m
-from elfslam.base.values import Announce, FixStatus, Run
+from elfslam.base.values import Announce, FixStatus, FloorMap, Run
 from elfslam.data.building_files import floor_folder, is_building, passage_facts, read_building
 from elfslam.data.map_exports import walk_lines
 from elfslam.data.map_files import MISSING, read_facts, read_map
@@ -187,17 +187,20 @@ def _merge(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | No
 
 
 def _locate(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | None]:
-    """As `elfslam locate` does, on all floors where the map is one of a building's."""
+    """As `elfslam locate` does, on all floors of its building whose maps have its encoder."""
     known, mode, given = Settings(), Mode(task["mode"]), folder / GIVEN
     announce("reading", 0.0)
-    floors = {int(level): read_map(given / name) for level, name in task["floors"].items()}
+    floor_map = read_map(given / task["map"])
+    every = {int(level): read_map(given / name) for level, name in task["floors"].items()}
+    floors = {
+        level: each for level, each in every.items() if _heard_by(each) == _heard_by(floor_map)
+    }
     recording = read_recording(given / task["recording"], known.chirp)
     announce("locating", 0.2)
-    (level, floor_map), *others = floors.items()
-    encoder = encoder_of(given / task["floors"][str(level)], floor_map)
+    encoder = encoder_of(given / task["map"], floor_map)
     fixes = (
         locate_in_building(recording, floors, encoder, known, mode=mode)
-        if others
+        if len(floors) > 1
         else slam.locate(recording, floor_map, encoder, known, mode=mode)
     )
     (folder / OUT).mkdir()
@@ -205,6 +208,11 @@ def _locate(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | N
     counts = {status.name: int((fixes.status == status).sum()) for status in FixStatus}
     nowhere = f"{task['recording']}: nowhere in {task['place']}; is it the same place?"
     return {"counts": counts}, None if counts["OK"] else nowhere
+
+
+def _heard_by(floor_map: FloorMap) -> set[str]:
+    """The encoders of a map."""
+    return {each.encoder for each in floor_map.payloads}
 
 
 WORK: Mapping[str, Work] = {"map": _map, "merge": _merge, "locate": _locate}
