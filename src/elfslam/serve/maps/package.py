@@ -25,7 +25,7 @@ from elfslam.data.map_files import ENCODER, MAP, read_map
 from elfslam.data.tiles import encoder_identity, stretches_of, tiles_of
 from elfslam.serve.buildings.files import published_manifest, published_part
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
-from elfslam.serve.maps.point_routes import points_of
+from elfslam.serve.maps.places import points_of
 from elfslam.serve.network.authority import fingerprint, sign, signing_key, spki_of
 from elfslam.serve.people.access import not_found
 from elfslam.serve.receiving.completing import scratch

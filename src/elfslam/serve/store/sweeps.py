@@ -20,7 +20,7 @@ from pathlib import Path
 from sqlalchemy import select
 
 from elfslam.data.atomic_files import replaced_file
-from elfslam.serve.positions.history import forget_old_positions
+from elfslam.serve.positions.routes import forget_old_positions
 from elfslam.serve.problems import LOG, Problem
 from elfslam.serve.receiving.completing import SCRATCH
 from elfslam.serve.receiving.uploads import forget_upload

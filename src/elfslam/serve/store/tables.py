@@ -246,8 +246,8 @@ class MapFile(Base):
 class Store(Base):
     """Which data folder's files this database names, and which key its phones trust.
 
-    One row. `id` is that of the folder (`identity.py`), `signing_key` the key's fingerprint;
-    `holder` and `beat` say who serves it (`holding.py`).
+    One row. `id` is that of the folder, `signing_key` the key's fingerprint; `holder` and `beat`
+    say who serves it (`opening.py`).
     """
 
     __tablename__ = "stores"
