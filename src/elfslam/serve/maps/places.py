@@ -15,15 +15,9 @@ from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.building import Passage
 from elfslam.base.errors import NoAnswerError, StoreError
 from elfslam.base.values import LevelPassage, PointKind, PointOfInterest
+from elfslam.data import named_places
 from elfslam.data.building_files import passage_of
 from elfslam.data.map_files import MAP, read_map
-from elfslam.data.named_places import (
-    LONGEST_NAME,
-    MOST,
-    POINTS_OF_INTEREST,
-    points_as_csv,
-    read_points_file,
-)
 from elfslam.serve.jobs.routes import refuse_full
 from elfslam.serve.maps.bodies import level_of
 from elfslam.serve.people.access import not_found
@@ -49,8 +43,8 @@ Metres = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M, allow_inf_nan=Fal
 
 def short_line(text: str) -> str:
     """The text as a plain line, whose composed form may be longer. Raises ValueError."""
-    if len(line := plain_line(text)) > LONGEST_NAME:
-        raise ValueError(f"wanted at most {LONGEST_NAME} characters, got {len(line)}")
+    if len(line := plain_line(text)) > named_places.LONGEST_NAME:
+        raise ValueError(f"wanted at most {named_places.LONGEST_NAME} characters, got {len(line)}")
     return line
 
 
@@ -66,7 +60,7 @@ class PointBody(BaseModel):
 class GivenPoint(PointBody):
     """A place that is given a name."""
 
-    name: Annotated[str, Field(max_length=LONGEST_NAME), AfterValidator(short_line)]
+    name: Annotated[str, Field(max_length=named_places.LONGEST_NAME), AfterValidator(short_line)]
 
 
 class PointsBody(BaseModel):
@@ -80,7 +74,7 @@ class PointsChange(BaseModel):
     """The points that a map is to have, and the version that they were changed from."""
 
     version: str = Field(max_length=64)
-    points: list[GivenPoint] = Field(max_length=MOST)
+    points: list[GivenPoint] = Field(max_length=named_places.MOST)
 
 
 @router.get("/points-of-interest", operation_id="get_points_of_interest")
@@ -106,7 +100,7 @@ def put_points_of_interest(
     """
     store = services.settings.blobs_folder
     points = [PointOfInterest(**each.model_dump()) for each in given.points]
-    table = points_as_csv(points).encode()
+    table = named_places.points_as_csv(points).encode()
     with (
         scratch_file(services.settings, table) as file,
         blobs.locked(store),
@@ -127,15 +121,15 @@ def points_of(
     session: Session, settings: ServerSettings, map_id: str
 ) -> tuple[PointOfInterest, ...]:
     """The points of interest of a map. Raises FileNotFoundError where it was just deleted."""
-    row = session.get(MapFile, (map_id, POINTS_OF_INTEREST))
+    row = session.get(MapFile, (map_id, named_places.POINTS_OF_INTEREST))
     if row is None:
         return ()
-    return read_points_file(blobs.found_blob(settings.blobs_folder, row.sha256))
+    return named_places.read_points_file(blobs.found_blob(settings.blobs_folder, row.sha256))
 
 
 def _of_version(session: Session, map_id: str, version: str) -> MapFile | None:
     """The table of a map's points, if it has one. Raises Problem 409 for another version."""
-    row = session.get(MapFile, (map_id, POINTS_OF_INTEREST))
+    row = session.get(MapFile, (map_id, named_places.POINTS_OF_INTEREST))
     if version != _version(row):
         raise Problem(409, "somebody else changed these places meanwhile; load them again")
     return row
@@ -147,7 +141,7 @@ def _replace(session: Session, map_id: str, older: MapFile | None, table: Blob |
         session.delete(older)
         session.flush()
     if table is not None:
-        session.add(MapFile(map_id=map_id, name=POINTS_OF_INTEREST, **asdict(table)))
+        session.add(MapFile(map_id=map_id, name=named_places.POINTS_OF_INTEREST, **asdict(table)))
         session.flush()
 
 
@@ -158,7 +152,7 @@ def _version(table: MapFile | None) -> str:
 def _body(session: Session, settings: ServerSettings, map_id: str) -> PointsBody:
     named = points_of(session, settings, map_id)
     points = [PointBody.model_validate(each, from_attributes=True) for each in named]
-    version = _version(session.get(MapFile, (map_id, POINTS_OF_INTEREST)))
+    version = _version(session.get(MapFile, (map_id, named_places.POINTS_OF_INTEREST)))
     return PointsBody(version=version, points=points)
 
 
