@@ -30,9 +30,8 @@ from typing import IO, Any, Protocol
 
 from elfslam.app.map import MapJob, map_into
 from elfslam.app.settings import Settings
-from elfslam.app.workers import is_ray, open_watchers
+from elfslam.app.workers import Watchers, is_ray, open_watchers
 from elfslam.app.workers.child import STDIN, Child, end_children, end_with_parent
-from elfslam.app.workers.interface import Watchers
 from elfslam.base.errors import ElfslamError
 from elfslam.data.recordings import write_recording
 from elfslam.serve.store.blobs import place_in
