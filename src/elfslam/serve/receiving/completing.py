@@ -16,6 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel, Field
 from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
@@ -46,13 +47,12 @@ SCRATCH = "reading-"
 """So begin the names of folders in work/ that recordings are read in."""
 
 
-@dataclass(frozen=True)
-class ManifestEntry:
-    """A file as the client has it."""
+class FileBody(BaseModel):
+    """One file of a recording's folder."""
 
     name: str
-    size_bytes: int
-    sha256: str
+    size_bytes: int = Field(ge=0, le=2**53)
+    sha256: str = Field(pattern="^[0-9a-f]{64}$")
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class PendingRecording:
 
 
 def complete(
-    services: Services, recording_id: str, files: list[ManifestEntry], *, wants_map: bool
+    services: Services, recording_id: str, files: list[FileBody], *, wants_map: bool
 ) -> None:
     """Make a recording of its uploads. Raises Problem 409 where something is missing.
 
@@ -100,7 +100,7 @@ def complete(
             (services.settings.uploads_folder / upload.id).unlink(missing_ok=True)
 
 
-def _come(settings: ServerSettings, promised: ManifestEntry, uploads: list[Upload]) -> ReceivedFile:
+def _come(settings: ServerSettings, promised: FileBody, uploads: list[Upload]) -> ReceivedFile:
     """A promised file, found among the uploads. Raises Problem 409."""
     named = [upload for upload in uploads if upload.file_name == promised.name]
     sizes = {upload.id: upload_bytes(settings, upload.id) for upload in named}

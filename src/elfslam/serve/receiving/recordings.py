@@ -22,7 +22,7 @@ from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.errors import InputError
 from elfslam.serve.people.access import Me, not_found, own
 from elfslam.serve.problems import Problem, problems
-from elfslam.serve.receiving.completing import ManifestEntry, complete
+from elfslam.serve.receiving.completing import FileBody, complete
 from elfslam.serve.receiving.reader import bounds_of
 from elfslam.serve.receiving.sensors import Look
 from elfslam.serve.services import Services, ServicesDep
@@ -53,14 +53,6 @@ class NewRecording(BaseModel):
     start_pose: tuple[Coordinate, Coordinate, Coordinate] | None = None
 
 
-class FileBody(BaseModel):
-    """One file of a recording's folder."""
-
-    name: str
-    size_bytes: int = Field(ge=0, le=2**53)
-    sha256: str = Field(pattern="^[0-9a-f]{64}$")
-
-
 class UploadBody(BaseModel):
     """A file that is on its way."""
 
@@ -68,6 +60,9 @@ class UploadBody(BaseModel):
     file_name: str
     offset_bytes: int
     length_bytes: int | None
+
+
+OF_THE_ROW = ("id", "name", "device", "state", "refusal", "facts", "created_utc")
 
 
 class RecordingBody(BaseModel):
@@ -186,10 +181,9 @@ def my_recording(session: Session, user: User, recording_id: str) -> Recording:
 def _complete(
     services: Services, user: User, recording_id: str, given: Completion
 ) -> RecordingBody:
-    promised = [ManifestEntry(file.name, file.size_bytes, file.sha256) for file in given.files]
     with reading(services.sessions) as session:
         my_recording(session, user, recording_id)
-    complete(services, recording_id, promised, wants_map=given.map)
+    complete(services, recording_id, given.files, wants_map=given.map)
     with reading(services.sessions) as session:
         recording = my_recording(session, user, recording_id)
         if recording.refusal is not None:
@@ -221,17 +215,11 @@ def _bodies(
         uploads[upload.recording_id].append(_on_its_way(services, upload))
     return [
         RecordingBody(
-            id=recording.id,
-            name=recording.name,
-            device=recording.device,
-            state=RecordingState(recording.state),
-            refusal=recording.refusal,
-            facts=dict(recording.facts),
-            files=files[recording.id],
-            uploads=uploads[recording.id],
-            created_utc=recording.created_utc,
+            **{name: getattr(each, name) for name in OF_THE_ROW},
+            files=files[each.id],
+            uploads=uploads[each.id],
         )
-        for recording in recordings
+        for each in recordings
     ]
 
 
