@@ -155,7 +155,7 @@ def publish_command(
     files: FilesUrl = "",
 ) -> None:
     """Let phones find and fetch the map of a floor; published again it gets a new revision."""
-    from elfslam.serve.buildings.indexes import index_floor
+    from elfslam.serve.buildings.files import index_floor
     from elfslam.serve.buildings.publishing import Spot, floor_of, publish
     from elfslam.serve.buildings.senses import WifiFindParameters
     from elfslam.serve.texts import plain_line
@@ -203,7 +203,7 @@ def buildings_command(
 ) -> None:
     """List what is published."""
     from elfslam.serve.buildings import publishing
-    from elfslam.serve.buildings.indexes import index_floors
+    from elfslam.serve.buildings.files import index_floors
     from elfslam.serve.nearest import NearestParameters
 
     services = _services(data, database, files)

@@ -28,7 +28,7 @@ from elfslam.base.arrays import F32
 from elfslam.base.parameters import parameter
 from elfslam.base.values import ELF_SIZE
 from elfslam.serve.buildings import senses
-from elfslam.serve.buildings.indexes import index_of
+from elfslam.serve.buildings.files import index_of
 from elfslam.serve.people.access import Token, admit
 from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.store.database import POSTGRESQL, looking

@@ -255,7 +255,10 @@ def keep(services: Services, held: queue.Claim, folder: Path, result: executors.
             for each in maps if kept else ():
                 _add_map(session, held, each)
             if kept and not maps:
-                _add_files(session, held, made)
+                session.add_all(
+                    JobFile(job_id=held.job_id, name=name, **asdict(blob))
+                    for name, blob in made.items()
+                )
     if not kept:
         drop_unnamed(services, [blob.sha256 for blob in made.values()])
     return kept
@@ -321,12 +324,6 @@ def _add_map(session: Session, held: queue.Claim, new: NewMap) -> None:
     )
 
 
-def _add_files(session: Session, held: queue.Claim, made: dict[str, Blob]) -> None:
-    session.add_all(
-        JobFile(job_id=held.job_id, name=name, **asdict(blob)) for name, blob in made.items()
-    )
-
-
 def _origin(session: Session, held: queue.Claim) -> dict[str, Any]:
     """The name of a map, the recordings that it came from, each once, and where it lies.
 
@@ -382,5 +379,5 @@ def _lay(session: Session, made: Map, planned: Map) -> None:
     if plan is None:
         return
     made.floor_plan = planned.floor_plan
-    told = {"name": plan.name, "sha256": plan.sha256, "size_bytes": plan.size_bytes}
-    session.add(MapFile(map_id=made.id, **told))
+    blob = asdict(Blob(plan.sha256, plan.size_bytes))
+    session.add(MapFile(map_id=made.id, name=plan.name, **blob))

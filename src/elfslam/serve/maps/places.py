@@ -11,7 +11,6 @@ from pydantic import AfterValidator, BaseModel, Field
 from sqlalchemy.orm import Session
 
 from elfslam.app.way import WayFloor, position_of, route_between
-from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.building import Passage
 from elfslam.base.errors import NoAnswerError, StoreError
 from elfslam.base.values import LevelPassage, PointKind, PointOfInterest
@@ -31,14 +30,12 @@ from elfslam.serve.store.database import reading, transaction
 from elfslam.serve.store.quota import drop_unnamed
 from elfslam.serve.store.sending import scratch_file, unfolded
 from elfslam.serve.store.tables import Map, MapFile
-from elfslam.serve.texts import plain_line
+from elfslam.serve.texts import Metres, plain_line
 from elfslam.stages.ways import moves_of
 
 router = APIRouter(tags=["maps"], prefix="/maps/{map_id}")
 NOTHING_YET = ""
 """The version of a map without points."""
-
-Metres = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M, allow_inf_nan=False)]
 
 
 def short_line(text: str) -> str:

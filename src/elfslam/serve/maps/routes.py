@@ -17,7 +17,6 @@ from pydantic import BaseModel, Field
 from sqlalchemy import select
 from starlette.concurrency import run_in_threadpool
 
-from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.enums import Format
 from elfslam.base.errors import ElfslamError, InputError, ParameterError
 from elfslam.data.geographic import Origin, parse_origin
@@ -53,7 +52,7 @@ from elfslam.serve.store.quota import drop_unnamed, forget_maps
 from elfslam.serve.store.sending import ZIP, pieces, sent, sent_blob, unfolded
 from elfslam.serve.store.tables import Map, MapFile
 from elfslam.serve.store.zips import packed
-from elfslam.serve.texts import AsNumber, AsWhole, Deleted, Many
+from elfslam.serve.texts import AsNumber, AsWhole, Deleted, Many, Metres
 from elfslam.serve.texts import Line as TextLine
 
 if TYPE_CHECKING:
@@ -421,8 +420,8 @@ class ImagePlacement(BaseModel):
     """How wide the image is, and where its lower left corner lies in the map."""
 
     width_m: float = Field(gt=0, le=10_000, allow_inf_nan=False)
-    x_m: float = Field(ge=-FARTHEST_M, le=FARTHEST_M, allow_inf_nan=False)
-    y_m: float = Field(ge=-FARTHEST_M, le=FARTHEST_M, allow_inf_nan=False)
+    x_m: Metres
+    y_m: Metres
     heading_rad: float = Field(0.0, ge=-100, le=100, allow_inf_nan=False)
     opacity: float = Field(0.5, ge=0, le=1, allow_inf_nan=False)
 

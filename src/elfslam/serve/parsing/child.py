@@ -74,7 +74,7 @@ def main(told: Connection, module: str, bounds: Bounds, given: Mapping[str, Any]
         os.dup2(nowhere.fileno(), sys.stderr.fileno())
     _limit_cost(bounds)
     parse = import_module(module).parse
-    _limit(resource.RLIMIT_DATA, bounds.memory_bytes + _inherited_bytes())
+    bound(resource.RLIMIT_DATA, bounds.memory_bytes + _inherited_bytes())
     try:
         answer = _answer(parse, bounds, given)
     except Exception as error:  # whatever a file makes a library raise
@@ -93,12 +93,12 @@ def _inherited_bytes() -> int:
 
 def _limit_cost(bounds: Bounds) -> None:
     os.nice(bounds.niceness)
-    _limit(resource.RLIMIT_CORE, 0)
-    _limit(resource.RLIMIT_FSIZE, bounds.file_bytes)
-    _limit(resource.RLIMIT_CPU, max(1, round(bounds.processor_s)), grace=1)
+    bound(resource.RLIMIT_CORE, 0)
+    bound(resource.RLIMIT_FSIZE, bounds.file_bytes)
+    bound(resource.RLIMIT_CPU, max(1, round(bounds.processor_s)), grace=1)
 
 
-def _limit(what: int, most: int, grace: int = 0) -> None:
+def bound(what: int, most: int, grace: int = 0) -> None:
     """Bound a resource; where it has a signal of its own, `grace` beyond that the kernel kills."""
     hard = resource.getrlimit(what)[1]
     if hard != resource.RLIM_INFINITY:

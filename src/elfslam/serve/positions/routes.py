@@ -24,7 +24,7 @@ from starlette.concurrency import run_in_threadpool
 
 from elfslam.serve.people.access import Me, known_id, not_found, refuse_haste
 from elfslam.serve.positions.hub import MEDIA_TYPE, stream_of
-from elfslam.serve.positions.values import LivePosition, MapId, MapOrigin, NewPositions, told_of
+from elfslam.serve.positions.values import LivePosition, MapOrigin, NewPositions, told_of
 from elfslam.serve.positions.webhooks import address_of, target_of
 from elfslam.serve.problems import LOG, Problem, problems
 from elfslam.serve.services import Services, ServicesDep
@@ -39,7 +39,7 @@ from elfslam.serve.store.tables import (
     Webhook,
     now_utc,
 )
-from elfslam.serve.texts import Line
+from elfslam.serve.texts import Id, Line
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def list_my_positions(
     user: Me,
     services: ServicesDep,
     before: Annotated[AwareDatetime | None, Query(description="with a zone, such as Z")] = None,
-    of_map: Annotated[MapId | None, Query(alias="map")] = None,
+    of_map: Annotated[Id | None, Query(alias="map")] = None,
 ) -> list[LivePosition]:
     """Your own history, the latest first: 1000 at most, and those `before` a time."""
     return history_of(services, user, before, of_map)

@@ -18,7 +18,6 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from elfslam import __version__
-from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.errors import InputError
 from elfslam.serve.people.access import Me, not_found, own
 from elfslam.serve.problems import Problem, problems
@@ -39,10 +38,9 @@ from elfslam.serve.store.tables import (
     User,
 )
 from elfslam.serve.store.zips import FILE_NAMES, packed
-from elfslam.serve.texts import Deleted, Line, Many
+from elfslam.serve.texts import Deleted, Line, Many, StartPose
 
 router = APIRouter(prefix="/recordings", tags=["recordings"])
-Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M, allow_inf_nan=False)]
 
 
 class NewRecording(BaseModel):
@@ -50,7 +48,7 @@ class NewRecording(BaseModel):
 
     name: Line
     device: Line = "unknown"
-    start_pose: tuple[Coordinate, Coordinate, Coordinate] | None = None
+    start_pose: StartPose | None = None
 
 
 class UploadBody(BaseModel):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime, timedelta
+from email.utils import format_datetime
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -212,7 +213,7 @@ def headers_of(services: Services, upload: Upload) -> dict[str, str]:
         sync(file)
     headers = {
         "Upload-Offset": str(_offset_bytes(services.settings, upload)),
-        "Upload-Expires": tus.http_date(expires_utc(services, upload)),
+        "Upload-Expires": format_datetime(expires_utc(services, upload), usegmt=True),
     }
     if is_whole(upload.file_name) and upload.recording_id:
         headers["Elfslam-Recording"] = upload.recording_id
