@@ -69,8 +69,8 @@ def merge_into(
         raise InputError(f"merge: {bases[0]} is superimposed; add walks to the map it was made of")
     walks = _walks([path for path in paths if path not in bases], announce)
     if bases:
-        grown = _laid if known_starts else _grown
-        made = grown(map_files.read_map(bases[0]), walks, parameters, announce)
+        before = map_files.read_map(bases[0])
+        made = _grown(before, walks, parameters, announce, known_starts=known_starts)
     else:
         made = _merged(walks, parameters, announce, known_starts=known_starts)
     walked = list(made.floor_map.sources)
@@ -191,42 +191,28 @@ def _merged(
     return Outcome(first.floor_map, trajectories, pairs, {**apart, **found.refused})
 
 
-def _laid(
-    floor_map: FloorMap,
-    walks: Sequence[MappedWalk],
-    parameters: MergeParameters,
-    announce: Announce,
-) -> Outcome:
-    _check_new(floor_map, walks)
-    trajectories: dict[str, Trajectory] = {}
-    for count, walk in enumerate(walks):
-        announce(f"adding {walk.name}", count / len(walks))
-        floor_map, trajectories[walk.name] = lay_walk(floor_map, walk, parameters)
-    return Outcome(floor_map, trajectories, [], {})
-
-
-def _check_new(floor_map: FloorMap, walks: Sequence[MappedWalk]) -> None:
-    twice = [walk.name for walk in walks if walk.name in floor_map.sources]
-    if twice or not walks:
-        raise InputError(
-            f"merge: {twice[0]} is in the map already; leave it out"
-            if twice
-            else "merge: wanted walks to add to the map, got none; name some runs"
-        )
-
-
 def _grown(
     floor_map: FloorMap,
     walks: Sequence[MappedWalk],
     parameters: MergeParameters,
     announce: Announce,
+    *,
+    known_starts: bool,
 ) -> Outcome:
-    _check_new(floor_map, walks)
+    """A map with the walks that join it, or with all of them where their starts are known."""
+    twice = [walk.name for walk in walks if walk.name in floor_map.sources]
+    if twice:
+        raise InputError(f"merge: {twice[0]} is in the map already; leave it out")
+    if not walks:
+        raise InputError("merge: wanted walks to add to the map, got none; name some runs")
     trajectories: dict[str, Trajectory] = {}
     refused: dict[str, str] = {}
     pairs = []
     for count, walk in enumerate(walks):
         announce(f"adding {walk.name}", count / len(walks))
+        if known_starts:
+            floor_map, trajectories[walk.name] = lay_walk(floor_map, walk, parameters)
+            continue
         floor_map, found, trajectory = add_walk(floor_map, walk, parameters)
         pairs.append(_row("map", walk.name, found))
         if found.refusal:
