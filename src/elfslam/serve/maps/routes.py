@@ -408,7 +408,7 @@ plan_router = APIRouter(
     tags=["maps"], prefix="/maps/{map_id}/floor-plan", dependencies=[Depends(current_asker)]
 )
 """Nobody's plan is read before it is known who asks."""
-DRAWER = "elfslam.serve.maps.plan_drawing"
+DRAWER = "elfslam.serve.maps.plan_drawing:parse"
 SHARING_S, FILE_FACTOR = 180.0, 4
 """How long a child may wait for a processor in all; what it draws may be larger than what came."""
 PlanLevel = Annotated[str | None, Query(max_length=80)]

@@ -62,8 +62,8 @@ class Bounds:
         return f"{words}; {self.advice}"
 
 
-def main(told: Connection, module: str, bounds: Bounds, given: Mapping[str, Any]) -> None:
-    """Call `parse` of a module with what is given, tell what comes of it as JSON, and exit.
+def main(told: Connection, parser: str, bounds: Bounds, given: Mapping[str, Any]) -> None:
+    """Call a parser, MODULE:FUNCTION, with what is given, tell what comes of it as JSON, and exit.
 
     Told is `{"found": ...}`, `{"refusal": ..., "choices": [...]}`, or `{"fault": ...}` of ours.
     """
@@ -73,7 +73,8 @@ def main(told: Connection, module: str, bounds: Bounds, given: Mapping[str, Any]
     with open(os.devnull, "wb") as nowhere:
         os.dup2(nowhere.fileno(), sys.stderr.fileno())
     _limit_cost(bounds)
-    parse = import_module(module).parse
+    name, _, function = parser.partition(":")
+    parse = getattr(import_module(name), function)
     bound(resource.RLIMIT_DATA, bounds.memory_bytes + _inherited_bytes())
     try:
         answer = _answer(parse, bounds, given)

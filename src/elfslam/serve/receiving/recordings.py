@@ -22,8 +22,7 @@ from elfslam.base.errors import InputError
 from elfslam.serve.people.access import Me, not_found, own
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.receiving.completing import FileBody, complete
-from elfslam.serve.receiving.reader import bounds_of
-from elfslam.serve.receiving.sensors import Look
+from elfslam.serve.receiving.reader import SENSORS, Look, bounds_of
 from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.store.blobs import found_blob
 from elfslam.serve.store.database import reading, transaction
@@ -260,7 +259,6 @@ TYPES = {
     ".flac": "audio/flac",
     ".wav": "audio/wav",
 }
-READER = "elfslam.serve.receiving.sensors"
 BINARY = "application/octet-stream"
 NEVER_OLD = {"Cache-Control": "private, no-cache"}
 """A browser may keep it, and asks each time whether it still is so."""
@@ -331,7 +329,7 @@ def _look(services: Services, named: Mapping[str, str]) -> dict[str, Any]:
     bounds = bounds_of(services.settings.limits)
     try:
         with unfolded(services.settings, named) as folder:
-            return dict(services.children.parse(READER, bounds, folder=str(folder)))
+            return dict(services.children.parse(SENSORS, bounds, folder=str(folder)))
     except FileNotFoundError as gone:
         raise not_found("recording") from gone
     except InputError as refused:
