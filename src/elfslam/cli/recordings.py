@@ -13,15 +13,7 @@ from elfslam.app.console import compilation_announced, print_rows, progress_bar,
 from elfslam.app.settings import Settings
 from elfslam.base.errors import InputError
 from elfslam.base.parameters import load
-from elfslam.cli.options import (
-    AsJson,
-    Force,
-    ParameterFile,
-    Seed,
-    Setting,
-    refuse_if_none,
-    say_refused,
-)
+from elfslam.cli import options
 from elfslam.data import importing
 from elfslam.data.atomic_files import new_file, refuse_occupied
 from elfslam.data.phyphox import BYTES_PER_SAMPLE, RATE_HZ, phyphox_experiment
@@ -43,7 +35,7 @@ PLACES = world_names() + building_names()
 def simulate_command(
     world: Annotated[str, typer.Argument(help=f"{', '.join(PLACES)} or a TOML file.")],
     out: Annotated[Path, typer.Argument(help="Folder for the recording and its truth.")],
-    seed: Seed = 0,
+    seed: options.Seed = 0,
     rounds: Annotated[int | None, typer.Option(min=1, help="5 laps, 2 on every floor.")] = None,
     plan: Annotated[str, typer.Option(help="Levels of a building as walked, such as 0,1,0.")] = "",
     rate_hz: Annotated[int, typer.Option("--rate", help="44100 or 48000 Hz.")] = 44_100,
@@ -115,7 +107,7 @@ def import_command(
         bool, typer.Option("--declare-start", help="The first waypoint is the declared start.")
     ] = False,
     drift_seed: Annotated[int, typer.Option(min=0, help="Drift of the magnetic odometry.")] = 0,
-    as_json: AsJson = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Turn someone else's log into recordings."""
     known = _format_of(log_format, path)
@@ -135,10 +127,10 @@ def import_command(
             for note in recording.notes:
                 say(f"{recording.name}: {note}")
             count, damaged = count + 1, damaged + item.damaged_lines
-    refuse_if_none("imported", path, refused, count)
+    options.refuse_if_none("imported", path, refused, count)
     summary = {"format": str(known), "recordings": count, "damaged_lines": damaged}
     print_rows([summary], title="Imported", as_json=as_json)
-    say_refused("imported", refused)
+    options.say_refused("imported", refused)
 
 
 def _format_of(named: str, path: Path) -> importing.LogFormat:
@@ -153,9 +145,9 @@ def _format_of(named: str, path: Path) -> importing.LogFormat:
 def phyphox_command(
     out: Annotated[Path, typer.Argument(help="A file, such as elfslam.phyphox.")],
     minutes: Annotated[float, typer.Option(min=0.1, max=30, help="Longest walk.")] = 2.0,
-    force: Force = False,
-    parameter_file: ParameterFile = None,
-    setting: Setting = None,
+    force: options.Force = False,
+    parameter_file: options.ParameterFile = None,
+    setting: options.Setting = None,
 ) -> None:
     """Write an experiment for the phyphox app that chirps and records, without our page."""
     parameters = load(Settings(), parameter_file, setting or [])

@@ -14,26 +14,11 @@ import numpy as np
 from elfslam import __version__
 from elfslam.base.errors import InputError, StoreError
 from elfslam.serve.nearest import folder as disk
+from elfslam.serve.nearest import search
 from elfslam.serve.nearest.folder import NearestParameters, newest_revision, read_meta
-from elfslam.serve.nearest.search import (
-    Index,
-    MapCandidate,
-    Naming,
-    VoteParameters,
-    add_rows,
-    exact_search,
-    faiss_module,
-    open_index,
-    read_index,
-    trained,
-    which_map,
-    write_index,
-)
+from elfslam.serve.nearest.search import VoteParameters, exact_search, open_index, which_map
 
 __all__ = [
-    "Index",
-    "MapCandidate",
-    "Naming",
     "NearestParameters",
     "VoteParameters",
     "absorb",
@@ -117,9 +102,9 @@ def _main(
 ) -> disk.StoredFile | None:
     if parameters.kind == "flat":
         return None
-    index = trained(parameters, rows)
-    add_rows(index, rows)
-    write_index(index, folder / MAIN)
+    index = search.trained(parameters, rows)
+    search.add_rows(index, rows)
+    search.write_index(index, folder / MAIN)
     return disk.stored(folder, MAIN, int(index.ntotal))
 
 
@@ -135,7 +120,7 @@ def _vectors(
 def _software(parameters: disk.NearestParameters) -> dict[str, str]:
     versions = {"elfslam": __version__, "numpy": np.__version__, "machine": platform.machine()}
     if parameters.kind != "flat":
-        versions["faiss"] = str(faiss_module().__version__)
+        versions["faiss"] = str(search.faiss_module().__version__)
     return versions
 
 
@@ -191,10 +176,10 @@ def absorb(folder: Path) -> disk.Meta:
         return meta
     main, vectors = meta.main, meta.vectors
     if main is not None:
-        index = read_index(folder / main.name, meta.parameters.kind, mapped=False)
-        add_rows(index, [disk.read_rows(folder / each.name) for each in meta.added])
+        index = search.read_index(folder / main.name, meta.parameters.kind, mapped=False)
+        search.add_rows(index, [disk.read_rows(folder / each.name) for each in meta.added])
         name = f"main-{meta.revision + 1:06d}-{secrets.token_hex(4)}.faiss"
-        write_index(index, folder / name)
+        search.write_index(index, folder / name)
         main = disk.stored(folder, name, meta.count)
     if main is None or vectors:
         vectors = (*vectors, *meta.added)
