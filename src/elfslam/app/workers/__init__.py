@@ -23,7 +23,7 @@ from urllib.parse import urlsplit
 from elfslam.base.errors import InputError, WorkerError
 from elfslam.base.extras import installing
 from elfslam.base.urls import shown_url
-from elfslam.base.values import Announce
+from elfslam.base.values import Announce, silent
 
 if TYPE_CHECKING:
     from elfslam.app.workers.on_ray import Cluster
@@ -131,16 +131,12 @@ class Announcement:
         self._announce(text, share)
 
     def __reduce__(self) -> tuple[Callable[[Announce], Announcement], tuple[Announce]]:
-        return Announcement, (_nothing,)
+        return Announcement, (silent,)
 
 
 def silent_elsewhere(announce: Announce) -> Announcement:
     """`announce` for a unit's function: it may travel to another process, and is silent there."""
     return announce if isinstance(announce, Announcement) else Announcement(announce)
-
-
-def _nothing(text: str, share: float | None) -> None:
-    return None
 
 
 class SerialWorkers:

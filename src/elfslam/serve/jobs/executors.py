@@ -33,6 +33,7 @@ from elfslam.app.settings import Settings
 from elfslam.app.workers import Watchers, is_ray, open_watchers
 from elfslam.app.workers.child import STDIN, Child, end_children, end_with_parent
 from elfslam.base.errors import ElfslamError
+from elfslam.base.values import silent
 from elfslam.data.recordings import write_recording
 from elfslam.serve.store.blobs import place_in
 
@@ -416,7 +417,7 @@ def warm_up() -> None:
         folder = Path(name)
         write_recording(walk, folder / "walk")
         job = MapJob((), None, "spectral", Settings(), overwrite=False)
-        map_into(folder / "run", folder / "walk", job, lambda what, share: None)
+        map_into(folder / "run", folder / "walk", job, silent)
 
 
 def _end(end: socket.socket, pid: int) -> None:

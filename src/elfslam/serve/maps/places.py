@@ -21,6 +21,7 @@ from elfslam.serve.jobs.routes import refuse_full
 from elfslam.serve.maps.bodies import level_of
 from elfslam.serve.people.access import not_found
 from elfslam.serve.problems import Problem, problems
+from elfslam.serve.receiving.completing import scratch
 from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.sharing.rights import Asks, Right, floors_of, map_for
@@ -28,7 +29,7 @@ from elfslam.serve.store import blobs
 from elfslam.serve.store.blobs import Blob
 from elfslam.serve.store.database import reading, transaction
 from elfslam.serve.store.quota import drop_unnamed
-from elfslam.serve.store.sending import scratch_file, unfolded
+from elfslam.serve.store.sending import unfolded
 from elfslam.serve.store.tables import Map, MapFile
 from elfslam.serve.texts import Metres, plain_line
 from elfslam.stages.ways import moves_of
@@ -97,9 +98,8 @@ def put_points_of_interest(
     """
     store = services.settings.blobs_folder
     points = [PointOfInterest(**each.model_dump()) for each in given.points]
-    table = named_places.points_as_csv(points).encode()
     with (
-        scratch_file(services.settings, table) as file,
+        scratch(services.settings) as folder,
         blobs.locked(store),
         transaction(services.sessions) as session,
     ):
@@ -108,7 +108,9 @@ def put_points_of_interest(
         refuse_full(services, session, found.user_id)
         older = _of_version(session, map_id, given.version)
         dropped = [] if older is None else [older.sha256]
-        _replace(session, map_id, older, blobs.put(store, file) if points else None)
+        named_places.write_points(points, folder)
+        table = blobs.put(store, folder / named_places.POINTS_OF_INTEREST) if points else None
+        _replace(session, map_id, older, table)
         answer = _body(session, services.settings, map_id)
     drop_unnamed(services, dropped)
     return answer

@@ -215,7 +215,9 @@ def make_recordings(services: Services, upload_id: str) -> Upload:
         made.mkdir()
         file = given / _safe_name(upload.file_name)
         blobs.link_or_copy(path, file)
-        most = _most_walks(services, upload.user_id)
+        with reading(services.sessions) as session:
+            left = recordings_left(services, session, upload.user_id)
+        most = max(1, min(MOST_WALKS, left))  # somebody must be told why one was refused
         walks = walks_apart(services.children, file, made, most, services.settings.limits)
         keep(services, _parts(walks, made, upload_id), wants_map=upload.wants_map)
     path.unlink(missing_ok=True)
@@ -226,12 +228,6 @@ def _safe_name(name: str) -> str:
     """The name of an upload as that of a file: importers call their walks so."""
     stem = as_line(stem_of(name), "walk").replace("/", "_").replace("\\", "_").lstrip(".")
     return f"{as_file_name(stem) or 'walk'}{name[len(stem_of(name)) :].lower()}"
-
-
-def _most_walks(services: Services, user_id: str) -> int:
-    """One at least: somebody must be told why it was refused."""
-    with reading(services.sessions) as session:
-        return max(1, min(MOST_WALKS, recordings_left(services, session, user_id)))
 
 
 def _parts(walks: Sequence[Walk], made: Path, upload_id: str) -> list[PendingRecording]:

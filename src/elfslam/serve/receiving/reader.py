@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from elfslam.base.arrays import F32, F64
+from elfslam.base.arrays import F64
 from elfslam.base.errors import ElfslamError, InputError, StoreError
 from elfslam.base.text_files import read_json
 from elfslam.base.values import Audio, Imu, Recording
@@ -380,13 +380,10 @@ def loudness(audio: Audio) -> tuple[F64, F64]:
     size = max(1, round(LOUDNESS_S * audio.rate_hz))
     sound = audio.samples
     starts = range(0, sound.shape[1], size)
-    power = np.array([_mean_power(sound[:, first : first + size]) for first in starts])
+    pieces = (np.square(sound[:, first : first + size], dtype=np.float64) for first in starts)
+    power = np.array([piece.mean(axis=1).max() for piece in pieces])
     level_db = 10 * np.log10(np.maximum(power, 10 ** (SILENCE_DB / 10)))
     return (np.arange(len(power)) + 0.5) * size / audio.rate_hz, level_db
-
-
-def _mean_power(samples: F32) -> float:
-    return float(np.square(samples, dtype=np.float64).mean(axis=1).max())
 
 
 def curve(name: str, unit: str, t_s: F64, values: F64) -> Curve:

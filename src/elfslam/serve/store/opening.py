@@ -397,11 +397,7 @@ def locked_now(file: int) -> bool:
     return True
 
 
-def look_at_nothing(_engine: Engine) -> None:
-    """All is right."""
-
-
-def open_store(settings: ServerSettings, examine: Examine = look_at_nothing) -> Engine:
+def open_store(settings: ServerSettings, examine: Examine | None = None) -> Engine:
     """The database of a data folder that the caller has alone: theirs, whole, and up to date.
 
     A new folder and an empty database come together here. `examine` looks at what else has to be
@@ -419,7 +415,8 @@ def open_store(settings: ServerSettings, examine: Examine = look_at_nothing) -> 
         if state is State.CURRENT:
             with answering(engine), engine.connect() as connection:
                 check_tables(connection)
-        examine(engine)
+        if examine is not None:
+            examine(engine)
         with answering(engine):
             write_ahead(engine)
         if state is not State.CURRENT:

@@ -32,15 +32,6 @@ def unfolded(settings: ServerSettings, named: Mapping[str, str]) -> Iterator[Pat
         yield folder
 
 
-@contextmanager
-def scratch_file(settings: ServerSettings, content: bytes) -> Iterator[Path]:
-    """A file with that content, for a moment."""
-    with scratch(settings) as folder:
-        file = folder / "file"
-        file.write_bytes(content)
-        yield file
-
-
 def pieces(file: IO[bytes]) -> Iterator[bytes]:
     """An open file in pieces, closed at its end."""
     with file:
