@@ -126,8 +126,9 @@ async def append(file: Path, receive: Receive, room: Quota, checksum: Checksum |
         hasher = hashlib.new(checksum.algorithm)
         await _write_body(piece, receive, room, hasher)
         if hasher.digest() != checksum.digest:
-            changed = "the piece came changed and was thrown away; send it again"
-            raise Problem(WRONG_CHECKSUM, changed)
+            raise Problem(
+                WRONG_CHECKSUM, "the piece came changed and was thrown away; send it again"
+            )
         await run_in_threadpool(_append_file, file, piece, room)
     finally:
         piece.unlink(missing_ok=True)
