@@ -9,7 +9,6 @@ again what was interrupted.
 
 from __future__ import annotations
 
-import logging
 import shutil
 import threading
 import time
@@ -28,7 +27,7 @@ from elfslam.base.errors import InputError, WorkerError
 from elfslam.data.building_files import FLOORS
 from elfslam.data.map_files import BY_TAPS, MISSING
 from elfslam.serve.jobs import executors, queue, tasks
-from elfslam.serve.problems import is_disk_full
+from elfslam.serve.problems import LOG, is_disk_full
 from elfslam.serve.services import Services
 from elfslam.serve.sharing.rights import Principal, Right, right_in
 from elfslam.serve.store import blobs
@@ -38,7 +37,6 @@ from elfslam.serve.store.opening import locked_now
 from elfslam.serve.store.quota import drop_unnamed
 from elfslam.serve.store.tables import JobFile, JobKind, Map, MapFacts, MapFile, Recording, new_id
 
-LOG = logging.getLogger("elfslam.serve")
 LOCK = "jobs.lock"
 FOLDERS = "job-"
 """How the names of jobs' folders begin."""

@@ -36,7 +36,7 @@ from elfslam.serve.store import blobs
 from elfslam.serve.store.blobs import Blob
 from elfslam.serve.store.database import reading, transaction
 from elfslam.serve.store.quota import drop_unnamed
-from elfslam.serve.store.sending import sent_blob, unfolded
+from elfslam.serve.store.sending import BINARY, sent_blob, unfolded
 from elfslam.serve.store.tables import Map, MapFile, MapPackage, MapPart, now_utc
 
 FORMAT = 3
@@ -227,7 +227,6 @@ def _text(told: object) -> str:
 router = APIRouter(tags=["packages"])
 public = APIRouter(tags=["packages"])
 """The key is no secret, and who has nothing but a link needs it."""
-BINARY = "application/octet-stream"
 
 
 class KeyBody(BaseModel):

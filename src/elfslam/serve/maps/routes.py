@@ -49,7 +49,7 @@ from elfslam.serve.sharing.rights import (
 from elfslam.serve.store import blobs
 from elfslam.serve.store.database import reading, transaction
 from elfslam.serve.store.quota import drop_unnamed, forget_maps
-from elfslam.serve.store.sending import ZIP, pieces, sent, sent_blob, unfolded
+from elfslam.serve.store.sending import BINARY, ZIP, pieces, sent, sent_blob, unfolded
 from elfslam.serve.store.tables import Map, MapFile
 from elfslam.serve.store.zips import packed
 from elfslam.serve.texts import AsNumber, AsWhole, Deleted, Many, Metres
@@ -72,7 +72,6 @@ REPORT_POLICY = "; ".join(
     )
 )
 """A report is a page of its own: its scripts draw, and reach neither the server nor the cookie."""
-BINARY = "application/octet-stream"
 FILES = {
     Format.TUM: (".tum", "text/plain"),
     Format.G2O: (".g2o", "text/plain"),

@@ -27,7 +27,7 @@ from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.store.blobs import found_blob
 from elfslam.serve.store.database import reading, transaction
 from elfslam.serve.store.quota import delete_recordings, refuse_more_recordings, upload_bytes
-from elfslam.serve.store.sending import ZIP, sent, sent_blob, unfolded
+from elfslam.serve.store.sending import BINARY, ZIP, sent, sent_blob, unfolded
 from elfslam.serve.store.tables import (
     Recording,
     RecordingFacts,
@@ -259,7 +259,6 @@ TYPES = {
     ".flac": "audio/flac",
     ".wav": "audio/wav",
 }
-BINARY = "application/octet-stream"
 NEVER_OLD = {"Cache-Control": "private, no-cache"}
 """A browser may keep it, and asks each time whether it still is so."""
 

@@ -16,7 +16,7 @@ from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store import blobs
 
 CHUNK_BYTES = 2**18
-ZIP = "application/zip"
+ZIP, BINARY = "application/zip", "application/octet-stream"
 
 
 @contextmanager
