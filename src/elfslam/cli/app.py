@@ -28,7 +28,7 @@ VERBS: Mapping[str, tuple[str, str]] = {
         "mapping:superimpose_command",
         "One feature per spot of a merged map, for all headings.",
     ),
-    "locate": ("maps:locate_command", "Locate a recording in a map."),
+    "locate": ("locate:locate_command", "Locate a recording in a map."),
     "score": ("maps:score", "Compare runs or fixes with the truth."),
     "anchor": ("maps:anchor_command", "Place a map on a floor plan."),
     "export": ("maps:export_command", "Write a run or a map for other programs."),

@@ -1,4 +1,4 @@
-"""elfslam locate, anchor, export, way, show and score: what is done with a map."""
+"""elfslam anchor, export, way, show and score: what is done with a map."""
 
 from __future__ import annotations
 
@@ -9,26 +9,24 @@ import numpy as np
 import typer
 
 from elfslam.app import anchor
-from elfslam.app.console import print_rows, progress_bar, say
+from elfslam.app.console import print_rows, say
 from elfslam.app.export import ExportContext, export
-from elfslam.app.locate import locate_from
 from elfslam.app.score_many import score_walks, truth_of
 from elfslam.app.settings import Settings
 from elfslam.app.show import show_into
 from elfslam.app.way import find_way
 from elfslam.base.arrays import F64
 from elfslam.base.bounds import FARTHEST_M
-from elfslam.base.enums import Format, Mode, parse_modalities
+from elfslam.base.enums import Format
 from elfslam.base.errors import InputError, NoAnswerError, ParameterError
 from elfslam.base.parameters import load
-from elfslam.base.values import FixStatus
 from elfslam.cli.options import AsJson, Force, ParameterFile, Plan, Setting
-from elfslam.data.atomic_files import new_file, replaced_file, settled
+from elfslam.data.atomic_files import replaced_file, settled
 from elfslam.data.building_files import is_building
 from elfslam.data.geographic import parse_origin
 from elfslam.data.imdf import read_place
 from elfslam.data.map_files import FACTS, read_facts
-from elfslam.data.position_files import read_fixes, write_fixes
+from elfslam.data.position_files import read_fixes
 from elfslam.data.runs import read_run
 from elfslam.scoring.errors import ScoreRow, alignment_of, closure_scores, fix_scores, run_scores
 from elfslam.scoring.levels import (
@@ -41,45 +39,6 @@ from elfslam.scoring.levels import (
 from elfslam.scoring.report import write_report
 from elfslam.stages.floor_plan_alignment import AMBIGUOUS, NOWHERE, Placement
 from elfslam.stages.ways import moves_of
-
-
-def locate_command(
-    recording: Annotated[Path, typer.Argument(help="The recording to be located.")],
-    floor_map: Annotated[Path, typer.Argument(metavar="MAP", help="A run folder.")],
-    out: Annotated[Path, typer.Argument(metavar="OUT.csv", help="Where the fixes go.")],
-    by: Annotated[
-        str | None, typer.Option(help="wifi, or wifi,magnetic: in a map merged by them.")
-    ] = None,
-    encoder: Annotated[str | None, typer.Option(help="Default: the one beside the map.")] = None,
-    mode: Annotated[
-        Mode, typer.Option(help="From 0.6 s of sound, from 8 footsteps, or as one walks.")
-    ] = Mode.ONE_SHOT,
-    seed: Annotated[int, typer.Option(help="Of the tracker's draws.")] = 0,
-    phone_walk: Annotated[
-        Path | None, typer.Option(help="A walk of this phone in the map, to learn how it hears.")
-    ] = None,
-    force: Force = False,
-    parameter_file: ParameterFile = None,
-    setting: Setting = None,
-    as_json: AsJson = False,
-) -> None:
-    """Locate a recording in a map: where it was, how surely, and where that cannot be said."""
-    settings = load(Settings(), parameter_file, setting or [])
-    new = new_file(out, overwrite=force, reads=[recording, floor_map])
-    with new as partial, progress_bar() as announce:
-        announce("locating", None)
-        fixes = locate_from(
-            recording, floor_map, settings, by=parse_modalities(by), encoder=encoder, mode=mode,
-            seed=seed, phone_walk=phone_walk,
-        )  # fmt: skip
-        write_fixes(fixes, partial)
-    counts = {status.name: int((fixes.status == status).sum()) for status in FixStatus}
-    print_rows(
-        [{"fixes": len(fixes.t_s), **counts}], title=f"Located in {floor_map}", as_json=as_json
-    )
-    if counts["OK"] == 0:
-        raise NoAnswerError(f"{recording}: nowhere in {floor_map}; is it the same place?")
-
 
 TOLD_SIGMA = np.array([0.5, 0.5, 0.2])
 """How well people say where a walk begins and whereto, m, m, rad."""
