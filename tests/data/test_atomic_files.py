@@ -24,7 +24,7 @@ from elfslam.data.atomic_files import (
 )
 from elfslam.data.map_files import FACTS, MERGED
 from elfslam.data.recordings import MANIFEST
-from elfslam.serve.store.holding import STORE
+from elfslam.serve.store.opening import STORE
 from tests.disks import mounted
 
 

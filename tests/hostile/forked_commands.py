@@ -161,7 +161,7 @@ def _warm_up() -> None:
 
     import elfslam.cli.app
     import elfslam.learn.onnx_files  # noqa: F401
-    from elfslam.serve.jobs.preforked import warm_up
+    from elfslam.serve.jobs.executors import warm_up
     from elfslam.stages import feature
 
     Image.init()

@@ -24,7 +24,7 @@ from elfslam.app import map as mapping
 from elfslam.app import merge as joining
 from elfslam.base.grid import resampled
 from elfslam.base.values import FloorMap, Imu, Recording
-from elfslam.cli import simulate as simulating
+from elfslam.cli import recordings as simulating
 from elfslam.cli.app import run
 from elfslam.data.map_files import write_map
 from elfslam.data.recordings import write_recording

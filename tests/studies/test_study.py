@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from elfslam.app.workers import unit_key
-from elfslam.app.workers.interface import Result, Task
+from elfslam.app.workers import Result, Task, unit_key
 from elfslam.base.errors import StoreError
 from studies.results import Record
 from studies.study import SampledError, StudyContext, finished

@@ -189,10 +189,6 @@ def _ros(source: Path, file: Path, picture: Path, image: str, context: ExportCon
     picture.write_bytes(content)
 
 
-def _parquet(source: Path, out: Path, context: ExportContext) -> None:
-    map_exports.write_parquet(out, map_of(source))
-
-
 def _run(source: Path) -> Run:
     if not (source / FACTS).is_file():
         raise InputError(
@@ -239,5 +235,5 @@ EXPORTS: Mapping[Format, Callable[[Path, Path, ExportContext], None]] = {
     Format.ONNX: _onnx,
     Format.GEOJSON: _geojson,
     Format.IMDF: _imdf,
-    Format.PARQUET: _parquet,
+    Format.PARQUET: lambda source, out, _: map_exports.write_parquet(out, map_of(source)),
 }

@@ -27,16 +27,9 @@ from elfslam.baselines.floor_walks import (
     solved,
     turned,
 )
+from elfslam.data import map_files
 from elfslam.data.atomic_files import refuse_occupied, settled
 from elfslam.data.building_files import floor_folder, is_building, read_building
-from elfslam.data.map_files import (
-    ENCODER,
-    MERGED,
-    is_merged,
-    is_superimposed,
-    read_map,
-    read_object,
-)
 from elfslam.data.recordings import read_recording
 from elfslam.slam.floor_location import locate_in_building
 from elfslam.slam.front_end import extract_echoes
@@ -75,7 +68,7 @@ def merge_by_field(
     heading is declared. Raises InputError and NoAnswerError.
     """
     refuse_other_senses(by)
-    refuse_occupied(out, MERGED if overwrite else None)
+    refuse_occupied(out, map_files.MERGED if overwrite else None)
     parameters = floor_parameters(settings)
     walks, refused = _walks(paths, by, parameters, announce)
     announce("floor", None)
@@ -140,9 +133,9 @@ def refuse_other_senses(by: Collection[Modality]) -> None:
 
 def _north_of(folder: Path) -> float | None:
     """Where magnetic north lies in a merged map; None where nobody learned it."""
-    if not is_merged(folder):
+    if not map_files.is_merged(folder):
         return None
-    north_rad = read_object(folder / MERGED).get(NORTH)
+    north_rad = map_files.read_object(folder / map_files.MERGED).get(NORTH)
     return north_rad if isinstance(north_rad, int | float) else None
 
 
@@ -220,12 +213,12 @@ def locate_from(
         return _located_in_building(
             path, map_path, settings, encoder=encoder, mode=mode, seed=seed, phone_walk=phone_walk
         )
-    floor_map = read_map(settled(map_path))
+    floor_map = map_files.read_map(settled(map_path))
     kinds = {item.kind for item in floor_map.payloads}
     if by or kinds - {Modality.ELF} == kinds:
         senses = by or (Modality.WIFI,)
         return locate_by_field(path, map_path, floor_map, senses, settings, mode)
-    headless = is_superimposed(map_path)
+    headless = map_files.is_superimposed(map_path)
     if headless and mode is not Mode.ONE_SHOT:
         raise InputError(
             f"{map_path}: is superimposed and knows neither headings nor walks, which mode "
@@ -256,7 +249,7 @@ def _located_in_building(
 ) -> Fixes:
     """Fixes with a level each. Raises InputError, StoreError."""
     folders = {level: floor_folder(building, level) for level in read_building(building).levels}
-    floors = {level: read_map(folder) for level, folder in folders.items()}
+    floors = {level: map_files.read_map(folder) for level, folder in folders.items()}
     first = min(floors)
     used = load_encoder(encoder) if encoder else encoder_of(folders[first], floors[first])
     if phone_walk is not None:
@@ -282,7 +275,7 @@ def encoder_of(path: Path, floor_map: FloorMap) -> Encoder:
     spectral = load_encoder("spectral")
     if {item.encoder for item in floor_map.payloads} <= {spectral.identity}:
         return spectral
-    beside = (path if path.is_dir() else path.parent) / ENCODER
+    beside = (path if path.is_dir() else path.parent) / map_files.ENCODER
     if not beside.is_file():
         raise StoreError(
             f"{beside}: is missing and the map needs it; copy it from the run, name the encoder "

@@ -431,7 +431,7 @@ def map_many(
 def _map_next(path: Path, out: Path, job: MapJob) -> str:
     """Why this recording has no run; empty where it has one now."""
     try:
-        run, facts, content = mapped_run(path, job, lambda what, share: None)
+        run, facts, content = mapped_run(path, job, silent)
     except (InputError, NoAnswerError) as error:
         return str(error)
     if run.visited is not None:

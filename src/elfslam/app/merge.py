@@ -31,15 +31,9 @@ from elfslam.slam.merging.floors import (
     merged_floors,
     numbered_alike,
 )
+from elfslam.stages import floormap
 from elfslam.stages.checkpoints import carried, gathered
 from elfslam.stages.feature import Encoder, OnnxEncoder
-from elfslam.stages.floormap import (
-    SpotEchoes,
-    floor_spots,
-    nearest_covariance,
-    superimposed,
-    superimposed_map,
-)
 from elfslam.stages.locate import elf_payload
 from elfslam.stages.map_alignment import Registration
 
@@ -75,8 +69,8 @@ def merge_into(
         raise InputError(f"merge: {bases[0]} is superimposed; add walks to the map it was made of")
     walks = _walks([path for path in paths if path not in bases], announce)
     if bases:
-        grown = _laid if known_starts else _grown
-        made = grown(map_files.read_map(bases[0]), walks, parameters, announce)
+        before = map_files.read_map(bases[0])
+        made = _grown(before, walks, parameters, announce, known_starts=known_starts)
     else:
         made = _merged(walks, parameters, announce, known_starts=known_starts)
     walked = list(made.floor_map.sources)
@@ -197,42 +191,28 @@ def _merged(
     return Outcome(first.floor_map, trajectories, pairs, {**apart, **found.refused})
 
 
-def _laid(
-    floor_map: FloorMap,
-    walks: Sequence[MappedWalk],
-    parameters: MergeParameters,
-    announce: Announce,
-) -> Outcome:
-    _check_new(floor_map, walks)
-    trajectories: dict[str, Trajectory] = {}
-    for count, walk in enumerate(walks):
-        announce(f"adding {walk.name}", count / len(walks))
-        floor_map, trajectories[walk.name] = lay_walk(floor_map, walk, parameters)
-    return Outcome(floor_map, trajectories, [], {})
-
-
-def _check_new(floor_map: FloorMap, walks: Sequence[MappedWalk]) -> None:
-    twice = [walk.name for walk in walks if walk.name in floor_map.sources]
-    if twice or not walks:
-        raise InputError(
-            f"merge: {twice[0]} is in the map already; leave it out"
-            if twice
-            else "merge: wanted walks to add to the map, got none; name some runs"
-        )
-
-
 def _grown(
     floor_map: FloorMap,
     walks: Sequence[MappedWalk],
     parameters: MergeParameters,
     announce: Announce,
+    *,
+    known_starts: bool,
 ) -> Outcome:
-    _check_new(floor_map, walks)
+    """A map with the walks that join it, or with all of them where their starts are known."""
+    twice = [walk.name for walk in walks if walk.name in floor_map.sources]
+    if twice:
+        raise InputError(f"merge: {twice[0]} is in the map already; leave it out")
+    if not walks:
+        raise InputError("merge: wanted walks to add to the map, got none; name some runs")
     trajectories: dict[str, Trajectory] = {}
     refused: dict[str, str] = {}
     pairs = []
     for count, walk in enumerate(walks):
         announce(f"adding {walk.name}", count / len(walks))
+        if known_starts:
+            floor_map, trajectories[walk.name] = lay_walk(floor_map, walk, parameters)
+            continue
         floor_map, found, trajectory = add_walk(floor_map, walk, parameters)
         pairs.append(_row("map", walk.name, found))
         if found.refusal:
@@ -317,7 +297,7 @@ def superimpose_into(
         made, encoder = _learned(out, floor_map, walks, encoder, settings, announce, seed=seed)
     else:
         elfs = elf_payload(floor_map, encoder.identity, ELF_SIZE)
-        made = superimposed(floor_map, elfs, settings.floor_level.spacing_m)
+        made = floormap.superimposed(floor_map, elfs, settings.floor_level.spacing_m)
     made = replace(made, parameters_digest=digest(settings))
     told = {"walks": list(made.sources), "learned_from": [run.name for run in runs]}
     write_merged_map(
@@ -330,7 +310,7 @@ def superimpose_into(
     return made
 
 
-def _placed(map_path: Path, path: Path, announce: Announce) -> SpotEchoes:
+def _placed(map_path: Path, path: Path, announce: Announce) -> floormap.SpotEchoes:
     """The echoes of a run where the map has them. Raises InputError where it has no such walk."""
     announce(f"reading {path.name}", None)
     echoes = read_run(path).echoes
@@ -341,13 +321,13 @@ def _placed(map_path: Path, path: Path, announce: Announce) -> SpotEchoes:
     if not inside.any():
         raise InputError(f"{path}: is not the walk of that name in {map_path}; check both")
     where = interpolate_poses(t_s, poses, echoes.t_s[inside])
-    return SpotEchoes(echoes.samples[inside], where[:, :2], where[:, 2])
+    return floormap.SpotEchoes(echoes.samples[inside], where[:, :2], where[:, 2])
 
 
 def _learned(
     out: Path,
     floor_map: FloorMap,
-    walks: Sequence[SpotEchoes],
+    walks: Sequence[floormap.SpotEchoes],
     encoder: Encoder,
     settings: Settings,
     announce: Announce,
@@ -359,29 +339,29 @@ def _learned(
     if not isinstance(encoder, OnnxEncoder):
         raise InputError("superimpose: the map's encoder cannot learn; leave the runs out")
     parameters = settings.floor_level
-    spots_m = floor_spots(np.vstack([walk.xy_m for walk in walks]), parameters.spacing_m)
+    spots_m = floormap.floor_spots(np.vstack([walk.xy_m for walk in walks]), parameters.spacing_m)
     learned = learn_floor(
         encoder, spots_m, lambda step: drawn(walks, parameters, seed, step), parameters,
         seed=seed, checkpoint=_checkpoint(out),
         report=lambda at: announce(f"learning, loss {at.loss:.2f}", at.step / parameters.steps),
     ).encoder  # fmt: skip
     vectors = floor_elfs(learned, spots_m, walks)
-    made = superimposed_map(
+    made = floormap.superimposed_map(
         spots_m, vectors, learned.identity, spacing_m=parameters.spacing_m,
-        sources=floor_map.sources, covariance_m2=nearest_covariance(floor_map, spots_m),
+        sources=floor_map.sources, covariance_m2=floormap.nearest_covariance(floor_map, spots_m),
     )  # fmt: skip
     return made, learned
 
 
 def drawn(
-    walks: Sequence[SpotEchoes], parameters: FloorLevelParameters, seed: int, step: int
-) -> SpotEchoes:
+    walks: Sequence[floormap.SpotEchoes], parameters: FloorLevelParameters, seed: int, step: int
+) -> floormap.SpotEchoes:
     """The echoes that a step learns from: as many of each walk, the same for a seed and step."""
     generator = np.random.default_rng([seed, 1, step])
     each = -(-parameters.batch // len(walks))
     rows = [generator.integers(0, len(walk.xy_m), each) for walk in walks]
     pairs = list(zip(walks, rows, strict=True))
-    return SpotEchoes(
+    return floormap.SpotEchoes(
         np.concatenate([walk.samples[some] for walk, some in pairs]),
         np.concatenate([walk.xy_m[some] for walk, some in pairs]),
         np.concatenate([walk.heading_rad[some] for walk, some in pairs]),

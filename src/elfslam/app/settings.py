@@ -86,13 +86,9 @@ def _emr(settings: Settings) -> Sense:
     return Sense(similarity, settings.emr_closure)
 
 
-def _motion(settings: Settings) -> Sense:
-    return Sense(no_similarity, settings.closure)
-
-
 SENSES: Mapping[Modality, Callable[[Settings], Sense]] = {
     Modality.WIFI: _wifi,
     Modality.MAGNETIC: _magnetic,
     Modality.EMR: _emr,
-    Modality.MOTION: _motion,
+    Modality.MOTION: lambda settings: Sense(no_similarity, settings.closure),
 }

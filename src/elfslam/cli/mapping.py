@@ -8,22 +8,11 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from elfslam.app import map as mapping
 from elfslam.app.anchor import drawn_plan
 from elfslam.app.console import compilation_announced, print_rows, progress_bar, say
 from elfslam.app.demo import run_demo
 from elfslam.app.locate import merge_by_field
-from elfslam.app.map import (
-    MapJob,
-    breaks,
-    kept_closures,
-    line_only,
-    map_into,
-    map_many,
-    parse_start,
-    recordings_in,
-    refuse_unclosed,
-    versions,
-)
 from elfslam.app.merge import merge_buildings_into, merge_into, superimpose_into
 from elfslam.app.settings import Settings
 from elfslam.app.workers import open_workers
@@ -49,7 +38,11 @@ def demo(
     parameters = load(Settings(), parameter_file, setting or [])
     with progress_bar() as announce, compilation_announced(announce):
         rows = run_demo(
-            out, load_encoder(encoder), line_only(parameters), facts=versions(), announce=announce
+            out,
+            load_encoder(encoder),
+            mapping.line_only(parameters),
+            facts=mapping.versions(),
+            announce=announce,
         )
     print_rows(rows, title="Ten surveys of a room of 60 m2, and ten query walks", as_json=as_json)
     say(f"look at {out / 'score.html'}, {out / 'fixes.html'} and {out / 'run' / 'report.html'}")
@@ -80,16 +73,16 @@ def map_command(
     settings = load(Settings(), parameter_file, setting or [])
     drawn = drawn_plan(plan)
     kept_s = parse_stretch(from_s, until_s)
-    job = MapJob(
-        parse_modalities(by), parse_start(start), encoder, settings, force, finetune, kept_s
+    job = mapping.MapJob(
+        parse_modalities(by), mapping.parse_start(start), encoder, settings, force, finetune, kept_s
     )
-    paths = recordings_in(recording)
+    paths = mapping.recordings_in(recording)
     with progress_bar() as announce:
         if paths == [recording]:
-            run = map_into(out, recording, job, announce, drawn)
+            run = mapping.map_into(out, recording, job, announce, drawn)
         else:
             with open_workers(on) as workers:
-                refused = map_many(out, paths, job, announce, workers)
+                refused = mapping.map_many(out, paths, job, announce, workers)
     if paths == [recording]:
         _say_mapped(run, out)
     else:
@@ -101,7 +94,7 @@ def map_command(
 
 def _say_mapped(run: Run, out: Path) -> None:
     facts = read_facts(out)
-    for line in [] if run.echoes is None else breaks(run.echoes):
+    for line in [] if run.echoes is None else mapping.breaks(run.echoes):
         say(line)
     for note in facts.get(NOTES, []):
         say(note)
@@ -115,10 +108,10 @@ def _say_mapped(run: Run, out: Path) -> None:
         say(f"floors {floors} in {out / FLOORS}; {len(building.passages)} passages between them")
     say(
         f"{len(run.trajectory.t_s)} footsteps, {len(run.closures.i)} closures, "
-        f"{kept_closures(run)} kept; heading {facts['heading']}; "
+        f"{mapping.kept_closures(run)} kept; heading {facts['heading']}; "
         f"look at {out / 'report.html'}"
     )
-    refuse_unclosed(run)
+    mapping.refuse_unclosed(run)
 
 
 def merge_command(

@@ -1,4 +1,4 @@
-"""elfslam anchor, export and show: what is done with a map."""
+"""elfslam anchor, export, way, show and score: what is done with a map."""
 
 from __future__ import annotations
 
@@ -8,28 +8,35 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from elfslam.app.anchor import (
-    Plan,
-    Start,
-    anchor_building_into,
-    anchor_into,
-    follow_into,
-    read_plan,
-)
+from elfslam.app import anchor
 from elfslam.app.console import print_rows, say
 from elfslam.app.export import ExportContext, export
+from elfslam.app.score_many import score_walks, truth_of
 from elfslam.app.settings import Settings
 from elfslam.app.show import show_into
 from elfslam.app.way import find_way
 from elfslam.base.arrays import F64
 from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.enums import Format
-from elfslam.base.errors import NoAnswerError, ParameterError
+from elfslam.base.errors import InputError, NoAnswerError, ParameterError
 from elfslam.base.parameters import load
-from elfslam.cli.options import AsJson, Force, ParameterFile, Setting
+from elfslam.cli.options import AsJson, Force, ParameterFile, Plan, Setting
+from elfslam.data.atomic_files import replaced_file, settled
 from elfslam.data.building_files import is_building
 from elfslam.data.geographic import parse_origin
 from elfslam.data.imdf import read_place
+from elfslam.data.map_files import FACTS, read_facts
+from elfslam.data.position_files import read_fixes
+from elfslam.data.runs import read_run
+from elfslam.scoring.errors import ScoreRow, alignment_of, closure_scores, fix_scores, run_scores
+from elfslam.scoring.levels import (
+    fix_level_scores,
+    floor_scores,
+    level_scores,
+    level_shift,
+    on_right_floor,
+)
+from elfslam.scoring.report import write_report
 from elfslam.stages.floor_plan_alignment import AMBIGUOUS, NOWHERE, Placement
 from elfslam.stages.ways import moves_of
 
@@ -57,14 +64,14 @@ def anchor_command(
         if follow:
             raise ParameterError("--follow: a building's walk cannot be followed; leave it out")
         start_m = None if told is None else told[:2]
-        placement = anchor_building_into(out, source, plan, settings.anchoring, start_m)
+        placement = anchor.anchor_building_into(out, source, plan, settings.anchoring, start_m)
         _say_placed(placement, source, plan, out)
         return
-    where = read_plan(plan)
+    where = anchor.read_plan(plan)
     if follow:
         _follow(source, where, out, settings, told)
         return
-    placement = anchor_into(
+    placement = anchor.anchor_into(
         out, source, where, settings.anchoring, None if told is None else told[:2]
     )
     _say_placed(placement, source, plan, out)
@@ -88,15 +95,19 @@ def _say_placed(placement: Placement, source: Path, plan: str, out: Path) -> Non
     say(f"wrote {out}: {_told(placement)}")
 
 
-def _follow(source: Path, plan: Plan, out: Path, settings: Settings, told: F64 | None) -> None:
+def _follow(
+    source: Path, plan: anchor.Plan, out: Path, settings: Settings, told: F64 | None
+) -> None:
     start = None
     if told is not None:
         if len(told) < 3:
             raise ParameterError(
                 "--follow: wanted --start X,Y,HEADING_RAD or none; say the heading"
             )
-        start = Start(told, np.diag(np.square(TOLD_SIGMA)))
-    followed = follow_into(out, source, plan, (settings.anchoring, settings.map_matching), start)
+        start = anchor.Start(told, np.diag(np.square(TOLD_SIGMA)))
+    followed = anchor.follow_into(
+        out, source, plan, (settings.anchoring, settings.map_matching), start
+    )
     variance = np.trace(followed.covariance[:, :2, :2], axis1=1, axis2=2).mean() / 2
     say(f"wrote {out}: followed through the plan, sigma {np.sqrt(variance):.2f} m")
 
@@ -189,3 +200,60 @@ def way_command(
     ]
     title = f"{route.length_m:.0f} m, about {route.duration_s:.0f} s"
     print_rows(rows, title=title, as_json=as_json)
+
+
+def score(
+    estimate: Annotated[Path, typer.Argument(metavar="RUN|FIXES", help="A run, runs, or a CSV.")],
+    truth: Annotated[Path, typer.Argument(help="Truth file or recording, or a folder of them.")],
+    mapped: Annotated[Path | None, typer.Option("--map", help="Run that the fixes lie in.")] = None,
+    map_truth: Annotated[Path | None, typer.Option(help="Truth of that run.")] = None,
+    plan: Plan = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compare a run, a folder of runs, or fixes with the truth; a run gets its score.html."""
+    if estimate.suffix == ".csv":
+        _score_fixes(estimate, truth, mapped, map_truth, as_json=as_json)
+    elif not settled(estimate).is_dir():
+        raise InputError(f"{estimate}: wanted a run folder or a CSV of fixes; check the path")
+    elif (estimate / FACTS).exists():
+        _score_run(estimate, truth, plan, as_json=as_json)
+    else:
+        table, left_out = score_walks(estimate, truth)
+        print_rows(table, title=f"Runs in {estimate}", as_json=as_json)
+        for name, reason in left_out.items():
+            say(f"not scored: {name}: {reason}")
+
+
+def _score_run(folder: Path, truth_path: Path, plan: str | None, *, as_json: bool) -> None:
+    run, truth, drawn = read_run(folder), truth_of(truth_path), anchor.drawn_plan(plan)
+    floors, levels = floor_scores(run, truth), level_scores(run, truth)
+    besides = [*floors, *levels] if as_json else []
+    rows = [*run_scores(run, truth), *besides]
+    print_rows(rows, title=f"{run.name}: errors (m)", as_json=as_json)
+    if floors and not as_json:
+        print_rows(floors, title="Errors by floor, aligned as a whole (m)", as_json=False)
+    if levels and not as_json:
+        print_rows(levels, title="Floors", as_json=False)
+    if len(run.closures.i) and not as_json:
+        print_rows(closure_scores(run, truth), title="Closures", as_json=False)
+    with replaced_file(folder / "score.html") as page:
+        write_report(page, run, facts=read_facts(folder), floor_plan=drawn, truth=truth)
+
+
+def _score_fixes(
+    file: Path, truth_path: Path, mapped: Path | None, map_truth: Path | None, *, as_json: bool
+) -> None:
+    if (mapped is None) != (map_truth is None):
+        raise InputError("score: --map and --map-truth go together; give both or neither")
+    move, shift = np.zeros(3), 0
+    if mapped is not None and map_truth is not None:
+        run, known = read_run(mapped), truth_of(map_truth)
+        move, shift = alignment_of(run.trajectory, known), level_shift(run, known)
+    fixes, truth = read_fixes(file), truth_of(truth_path)
+    levels = fix_level_scores(fixes, truth, shift)
+    table: list[ScoreRow] = fix_scores(on_right_floor(fixes, truth, shift), truth, move)
+    rows = [*table, *(levels if as_json else [])]
+    on = " on the right floor" if levels else ""
+    print_rows(rows, title=f"{file.name}: errors{on} (m)", as_json=as_json)
+    if levels and not as_json:
+        print_rows(levels, title="Floors", as_json=False)

@@ -15,6 +15,7 @@ from elfslam.data.geographic import Origin, parse_origin
 
 if TYPE_CHECKING:
     from elfslam.serve.positions.mqtt import Broker
+    from elfslam.serve.services import Services
     from elfslam.serve.settings import Limits
 
 DATA_FOLDER = Path("~/.elfslam")
@@ -154,11 +155,9 @@ def publish_command(
     files: FilesUrl = "",
 ) -> None:
     """Let phones find and fetch the map of a floor; published again it gets a new revision."""
-    from elfslam.serve.buildings.indexes import index_floor
+    from elfslam.serve.buildings.files import index_floor
     from elfslam.serve.buildings.publishing import Spot, floor_of, publish
     from elfslam.serve.buildings.senses import WifiFindParameters
-    from elfslam.serve.services import open_services
-    from elfslam.serve.settings import ServerSettings
     from elfslam.serve.texts import plain_line
 
     try:
@@ -167,7 +166,7 @@ def publish_command(
         raise ParameterError(f"--building {building!r:.60}: {error}") from error
     lies = _place(at)
     spot = Spot(name, floor, lies.latitude_deg, lies.longitude_deg, altitude)
-    services = open_services(ServerSettings(data.expanduser(), database, files_url=files))
+    services = _services(data, database, files)
     new = floor_of(services, source, spot, heard or [], WifiFindParameters())
     made = publish(services, new)
     heard_too = ", found by its echoes" if index_floor(services, made.map_id) else ""
@@ -186,11 +185,8 @@ def withdraw_command(
 ) -> None:
     """Take a floor back: no phone finds or fetches it any more."""
     from elfslam.serve.buildings.publishing import withdraw
-    from elfslam.serve.services import open_services
-    from elfslam.serve.settings import ServerSettings
 
-    settings = ServerSettings(data.expanduser(), database, files_url=files)
-    withdraw(open_services(settings), building, floor)
+    withdraw(_services(data, database, files), building, floor)
     say(f"{building}, floor {floor}: withdrawn")
 
 
@@ -207,19 +203,23 @@ def buildings_command(
 ) -> None:
     """List what is published."""
     from elfslam.serve.buildings import publishing
-    from elfslam.serve.buildings.indexes import index_floors
-    from elfslam.serve.buildings.publishing import published_rows
+    from elfslam.serve.buildings.files import index_floors
     from elfslam.serve.nearest import NearestParameters
-    from elfslam.serve.services import open_services
-    from elfslam.serve.settings import ServerSettings
 
-    services = open_services(ServerSettings(data.expanduser(), database, files_url=files))
-    print_rows(published_rows(services), title="Published floors", as_json=False)
+    services = _services(data, database, files)
+    print_rows(publishing.published_rows(services), title="Published floors", as_json=False)
     if index:
         floors, spots = index_floors(services, NearestParameters())
         say(f"indexed {spots} spots of {floors} floors")
     if sweep:
         say(f"swept {publishing.sweep(services)} files")
+
+
+def _services(data: Path, database: str, files: str) -> Services:
+    from elfslam.serve.services import open_services
+    from elfslam.serve.settings import ServerSettings
+
+    return open_services(ServerSettings(data.expanduser(), database, files_url=files))
 
 
 def _place(text: str) -> Origin:

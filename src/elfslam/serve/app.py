@@ -18,7 +18,7 @@ from elfslam.serve import demonstration
 from elfslam.serve.buildings import find as buildings
 from elfslam.serve.jobs import routes as jobs
 from elfslam.serve.jobs.runner import run_jobs
-from elfslam.serve.maps import floor_plans, package, point_routes, ways
+from elfslam.serve.maps import package, places
 from elfslam.serve.maps import routes as maps
 from elfslam.serve.page_routes import install_pages
 from elfslam.serve.parsing.children import forks
@@ -26,8 +26,8 @@ from elfslam.serve.people import users
 from elfslam.serve.people.access import current_user
 from elfslam.serve.people.guards import Guard
 from elfslam.serve.positions import routes as positions
-from elfslam.serve.positions.history import keeping_history
 from elfslam.serve.positions.mqtt import publishing
+from elfslam.serve.positions.routes import keeping_history
 from elfslam.serve.positions.webhooks import posting
 from elfslam.serve.problems import EVERYWHERE, ProblemBody, install_problems
 from elfslam.serve.receiving import recordings, uploads
@@ -52,9 +52,8 @@ ROUTERS: tuple[APIRouter, ...] = (
 ADMITTING: tuple[APIRouter, ...] = (
     buildings.router,
     maps.router,
-    floor_plans.router,
-    point_routes.router,
-    ways.router,
+    maps.plan_router,
+    places.router,
     package.router,
     sharing.router,
 )

@@ -8,11 +8,11 @@ import hashlib
 import json
 import mimetypes
 import threading
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from os import PathLike, stat_result
 from pathlib import Path
-from typing import Any
 
 from fastapi import FastAPI, Request
 from pydantic import BaseModel
@@ -141,13 +141,30 @@ class PageFiles(StaticFiles):
                 known = self._copies[file] = stamp, _copied(file)
         return known[1]
 
-    def kept_by_phones(self) -> dict[str, Any]:
-        """The files that the phone page needs, by digest; `version` changes with any of them."""
+    def page_files(self) -> PageList:
+        """The files that the phone page keeps, so that it opens without a network."""
         files = {name: self._folder / name for name in self._names()} | self._beside
         rows = [_row(name, self.copy_of(file)) for name, file in sorted(files.items())]
-        told = "".join(f"{row['path']} {row['sha256']}\n" for row in rows)
-        sums = {name: sum(row[name] for row in rows) for name in ("size_bytes", "sent_bytes")}
-        return {"version": hashlib.sha256(told.encode()).hexdigest()[:16], **sums, "files": rows}
+        told = "".join(f"{row.path} {row.sha256}\n" for row in rows)
+        return PageList(
+            version=hashlib.sha256(told.encode()).hexdigest()[:16],
+            size_bytes=sum(row.size_bytes for row in rows),
+            sent_bytes=sum(row.sent_bytes for row in rows),
+            files=rows,
+        )
+
+    async def page(self, name: str, request: Request) -> Response:
+        """A page at a short address."""
+        try:
+            return await self.get_response(name, request.scope)
+        except HTTPException as error:
+            raise Problem(404, f"this installation has no {name}; install elfslam again") from error
+
+    def worker(self) -> Response:
+        """The service worker, another one whenever a file of the page is."""
+        told = f'const VERSION = "{self.page_files().version}";\n'
+        script = (self._folder / WORKER).read_text(encoding="utf-8")
+        return Response(told + script, media_type=TYPES[".js"])
 
     def _names(self) -> Iterator[str]:
         folders = (file for name in OF_PHONE for file in (self._folder / name).rglob("*"))
@@ -157,13 +174,10 @@ class PageFiles(StaticFiles):
                 yield name
 
 
-def _row(name: str, copy: Copy) -> dict[str, Any]:
-    return {
-        "path": "/" if name == PHONE_PAGE else f"/{name}",
-        "sha256": copy.sha256,
-        "size_bytes": copy.size_bytes,
-        "sent_bytes": copy.sent_bytes,
-    }
+def _row(name: str, copy: Copy) -> PageFile:
+    path = "/" if name == PHONE_PAGE else f"/{name}"
+    sizes = {"size_bytes": copy.size_bytes, "sent_bytes": copy.sent_bytes}
+    return PageFile(path=path, sha256=copy.sha256, **sizes)
 
 
 def wants_page(asked: Headers, page: Path) -> bool:
@@ -248,10 +262,10 @@ def install_pages(app: FastAPI, settings: ServerSettings) -> None:
         folder, {f"stages/{PARAMETERS}": parameters, "stages/encoder.onnx": SHIPPED_ENCODER}
     )
     for address, name in PAGES.items():
-        app.get(address, include_in_schema=False)(_page(files, name))
-        app.head(address, include_in_schema=False)(_page(files, name))
-    app.get("/precache.json", operation_id="list_page_files", tags=["server"])(_list(files))
-    app.get(f"/{WORKER}", include_in_schema=False)(_worker(files, folder / WORKER))
+        app.get(address, include_in_schema=False)(partial(files.page, name))
+        app.head(address, include_in_schema=False)(partial(files.page, name))
+    app.get("/precache.json", operation_id="list_page_files", tags=["server"])(files.page_files)
+    app.get(f"/{WORKER}", include_in_schema=False)(files.worker)
     app.get(
         f"/{CERTIFICATE}",
         operation_id="get_authority",
@@ -268,30 +282,3 @@ def authority(services: ServicesDep) -> FileResponse:
     if not file.is_file():
         raise Problem(404, "this server speaks plain HTTP and has no certificate")
     return FileResponse(file, media_type="application/x-x509-ca-cert", filename="elfslam.pem")
-
-
-def _page(files: PageFiles, name: str) -> Callable[[Request], Awaitable[Response]]:
-    async def page(request: Request) -> Response:
-        try:
-            return await files.get_response(name, request.scope)
-        except HTTPException as error:
-            raise Problem(404, f"this installation has no {name}; install elfslam again") from error
-
-    return page
-
-
-def _list(files: PageFiles) -> Callable[[], PageList]:
-    def page_files() -> PageList:
-        """The files that the phone page keeps, so that it opens without a network."""
-        return PageList(**files.kept_by_phones())
-
-    return page_files
-
-
-def _worker(files: PageFiles, file: Path) -> Callable[[], Response]:
-    def worker() -> Response:
-        """The service worker, another one whenever a file of the page is."""
-        told = f'const VERSION = "{files.kept_by_phones()["version"]}";\n'
-        return Response(told + file.read_text(encoding="utf-8"), media_type=TYPES[".js"])
-
-    return worker

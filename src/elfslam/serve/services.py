@@ -19,7 +19,7 @@ from elfslam.serve.positions.hub import PositionHub
 from elfslam.serve.problems import Problem
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.database import Sessions, sessions_of
-from elfslam.serve.store.opening import Examine, join_store, look_at_nothing, open_store
+from elfslam.serve.store.opening import Examine, join_store, open_store
 
 MOST_BUCKETS = 10_000
 
@@ -150,7 +150,7 @@ class Services:
 
 
 def open_services(
-    settings: ServerSettings, *, alone: bool = False, examine: Examine = look_at_nothing
+    settings: ServerSettings, *, alone: bool = False, examine: Examine | None = None
 ) -> Services:
     """The services of a data folder, which is made where it is missing.
 

@@ -9,6 +9,8 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, Field
 
+from elfslam.base.bounds import FARTHEST_M
+
 MOST_CHARACTERS = 120
 MOST_FILE_BYTES = 200
 """File systems take names of 255."""
@@ -54,12 +56,16 @@ def as_file_name(text: str) -> str:
     return text.encode()[:MOST_FILE_BYTES].decode(errors="ignore")
 
 
+Id = Annotated[str, Field(pattern=r"^[0-9a-f]{32}$")]
+"""A field of a request, as is each of those below."""
+Metres = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M, allow_inf_nan=False)]
+StartPose = tuple[Metres, Metres, Metres]
+
+
 class Many(BaseModel):
     """Some things by their ids."""
 
-    ids: list[Annotated[str, Field(pattern=r"^[0-9a-f]{32}$")]] = Field(
-        min_length=1, max_length=MOST_AT_ONCE
-    )
+    ids: list[Id] = Field(min_length=1, max_length=MOST_AT_ONCE)
 
 
 class Deleted(BaseModel):

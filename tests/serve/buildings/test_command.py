@@ -119,7 +119,7 @@ def test_once_there_is_an_index_floors_come_into_it_as_they_are_published(
     monkeypatch: pytest.MonkeyPatch,
     most_added: int,
 ) -> None:
-    indexes = importlib.import_module("elfslam.serve.buildings.indexes")  # as the command finds it
+    indexes = importlib.import_module("elfslam.serve.buildings.files")  # as the command finds it
     monkeypatch.setattr(indexes, "MOST_ADDED", most_added)
     place = ("--building", "Mall", "--at", "47.1,8.2")
     vectors = np.random.default_rng(9).normal(0, 0.09, (len(maps[0].xy_m), 128))

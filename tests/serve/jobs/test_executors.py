@@ -184,7 +184,7 @@ SERVER = """
 import sys
 from pathlib import Path
 from elfslam.serve.jobs.executors import begin_anew
-from elfslam.serve.jobs.preforked import Loaded
+from elfslam.serve.jobs.executors import Loaded
 folder, begin = Path(sys.argv[1]), {begin}
 with (folder / "log").open("wb") as log, begin(folder, log, log.fileno()) as process:
     print(process.wait())

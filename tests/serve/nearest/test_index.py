@@ -167,11 +167,11 @@ def test_two_changes_at_once_are_not_both_made(
     copy: Built, rows: F32, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = copy("ivf-flat")
-    from elfslam.serve.nearest import build
+    from elfslam.serve.nearest import folder as disk
 
-    first = build.disk.read_meta(folder)
+    first = disk.read_meta(folder)
     add_map(folder, "one", rows[:5], encoder="elf-1")
-    monkeypatch.setattr(build.disk, "read_meta", lambda _: first)
+    monkeypatch.setattr(disk, "read_meta", lambda _: first)
     with pytest.raises(StoreError, match="changed by another"):
         add_map(folder, "two", rows[:5], encoder="elf-1")
     assert len(list(folder.glob("added-*"))) == 1

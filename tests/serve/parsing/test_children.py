@@ -24,7 +24,7 @@ from elfslam.serve.problems import Problem
 from tests.waiting import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parents[3]
-PARSER = "tests.serve.parsing.costly_parser"
+PARSER = "tests.serve.parsing.costly_parser:parse"
 BOUNDS = Bounds(
     processor_s=1, wall_s=300, memory_bytes=2**27, file_bytes=2**20, advice="make it less"
 )

@@ -12,9 +12,9 @@ from sqlalchemy import func, select
 from sqlalchemy.exc import OperationalError
 from starlette.testclient import TestClient
 
-from elfslam.serve.positions import history
-from elfslam.serve.positions.history import delete_history, forget_old_positions, write_history
+from elfslam.serve.positions import routes
 from elfslam.serve.positions.hub import HistoryBuffer
+from elfslam.serve.positions.routes import delete_history, forget_old_positions, write_history
 from elfslam.serve.positions.values import LivePosition
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
@@ -150,7 +150,7 @@ def test_haste_and_size_are_bounded(
 def test_history_comes_the_latest_first_and_page_by_page(
     owner: TestClient, map_id: str, message: Message, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(history, "MOST_TOLD", 2)
+    monkeypatch.setattr(routes, "MOST_TOLD", 2)
     for k in range(3):
         owner.post(HISTORY, json=message(x_m=float(k), age_s=30.0 - k))
     first = owner.get(HISTORY).json()
@@ -233,10 +233,10 @@ def test_a_database_that_is_away_is_said_once(
         raise OperationalError("INSERT", {}, Exception("no answer"))
 
     with monkeypatch.context() as patched:
-        patched.setattr(history, "write_history", away)
-        assert history._write_or_say(services, is_away=False)
-        assert history._write_or_say(services, is_away=True)
-    assert not history._write_or_say(services, is_away=True)
+        patched.setattr(routes, "write_history", away)
+        assert routes._write_or_say(services, is_away=False)
+        assert routes._write_or_say(services, is_away=True)
+    assert not routes._write_or_say(services, is_away=True)
     [line] = [record.message for record in caplog.records]
     assert "is not kept" in line
 
@@ -252,7 +252,7 @@ def test_what_could_not_be_written_is_written_later(
         raise OperationalError("INSERT", {}, Exception("no answer"))
 
     with monkeypatch.context() as patched:
-        patched.setattr(history, "_written", away)
+        patched.setattr(routes, "_written", away)
         services.positions.history.add([position(map=map_id, walker=me)])
         with pytest.raises(OperationalError):
             write_history(services)

@@ -126,7 +126,7 @@ def test_reading_has_an_end(tmp_path: Path) -> None:
 
 
 def test_a_reader_that_dies_is_no_refusal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("elfslam.serve.receiving.reader.READER", "elfslam.no_such_reader")
+    monkeypatch.setattr("elfslam.serve.receiving.reader.READER", "elfslam.no_such_reader:parse")
     with pytest.raises(Problem) as refused:
         read_apart(Children(), tmp_path, Limits())
     assert refused.value.status_code == 503

@@ -323,7 +323,7 @@ def test_what_did_not_change_is_not_read_again(
     owner: TestClient, kept: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tag = owner.get(f"{kept}/sensors").headers["etag"]
-    monkeypatch.setattr("elfslam.serve.receiving.recordings.READER", "elfslam.no_such_reader")
+    monkeypatch.setattr("elfslam.serve.receiving.recordings.SENSORS", "elfslam.no_such:parse")
     again = owner.get(f"{kept}/sensors", headers={"If-None-Match": tag})
     assert (again.status_code, again.content, again.headers["etag"]) == (304, b"", tag)
     assert owner.get(f"{kept}/sensors").status_code == 503

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.values import Audio, Barometer, Imu, Magnetometer, Recording, WifiScans
-from elfslam.serve.receiving.sensors import MOST_STRETCHES, Curve, Look, curve, look_at, loudness
+from elfslam.serve.receiving.reader import MOST_STRETCHES, Curve, Look, curve, look_at, loudness
 from elfslam.stages.chirp import ChirpParameters, make_chirp
 
 T_S = np.arange(3000) / 100

@@ -15,18 +15,19 @@ from elfslam.base.errors import StoreError
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.database import Sessions, open_database, sessions_of, transaction
-from elfslam.serve.store.holding import (
+from elfslam.serve.store.opening import (
     LISTEN_S,
     LOOK_S,
     STORE,
     Held,
+    alone_with,
     free_to_take,
     holder_of,
     holding,
+    open_store,
     read_held,
     take,
 )
-from elfslam.serve.store.opening import alone_with, open_store
 from elfslam.serve.store.tables import Store
 
 pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)

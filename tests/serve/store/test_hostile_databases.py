@@ -21,8 +21,7 @@ from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.blobs import put
 from elfslam.serve.store.database import transaction
-from elfslam.serve.store.holding import files_of
-from elfslam.serve.store.opening import alone_with
+from elfslam.serve.store.opening import alone_with, files_of
 from elfslam.serve.store.tables import Job, Map, Recording, RecordingFile, Upload
 
 pytestmark = pytest.mark.hostile

@@ -22,8 +22,14 @@ from elfslam.serve.services import Services, open_services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.blobs import put
 from elfslam.serve.store.database import reading, transaction
-from elfslam.serve.store.holding import STORE, files_of
-from elfslam.serve.store.opening import InUseError, alone_with, join_store, open_store
+from elfslam.serve.store.opening import (
+    STORE,
+    InUseError,
+    alone_with,
+    files_of,
+    join_store,
+    open_store,
+)
 from elfslam.serve.store.schema import VERSION_TABLE
 from elfslam.serve.store.tables import JobFile, JobKind, User
 

@@ -22,7 +22,7 @@ import numpy as np
 
 import elfslam
 from elfslam import __version__
-from elfslam.app.workers.interface import (
+from elfslam.app.workers import (
     News,
     Result,
     Task,

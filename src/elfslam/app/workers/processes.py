@@ -22,8 +22,8 @@ from multiprocessing.reduction import ForkingPickler
 from types import FrameType
 from typing import Any
 
+from elfslam.app.workers import Result, Task, by_one_thread
 from elfslam.app.workers.child import Child, end_children
-from elfslam.app.workers.interface import Result, Task, by_one_thread
 from elfslam.base.errors import WorkerError
 
 WORKER, TERMINATED = __name__, 128 + signal.SIGTERM

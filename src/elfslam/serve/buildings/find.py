@@ -28,14 +28,7 @@ from elfslam.base.arrays import F32
 from elfslam.base.parameters import parameter
 from elfslam.base.values import ELF_SIZE
 from elfslam.serve.buildings import senses
-from elfslam.serve.buildings.indexes import index_of
-from elfslam.serve.buildings.senses import (
-    BSSID,
-    HIGHEST_DEG,
-    Place,
-    checked_bssid_number,
-    unit_rows,
-)
+from elfslam.serve.buildings.files import index_of
 from elfslam.serve.people.access import Token, admit
 from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.store.database import POSTGRESQL, looking
@@ -308,7 +301,7 @@ def _known(row: Sequence[Any]) -> KnownFloor:
 router = APIRouter(tags=["buildings"])
 MOST_POINTS, MOST_FOOTSTEPS = 1000, 32
 PARAMETERS = FindParameters()
-Bssid = Annotated[str, Field(pattern=f"^(?i:{BSSID.pattern})$")]
+Bssid = Annotated[str, Field(pattern=f"^(?i:{senses.BSSID.pattern})$")]
 Dbm = Annotated[float, Field(ge=-127, le=20)]
 Unit = Annotated[float, Field(ge=-1.001, le=1.001)]
 
@@ -316,7 +309,7 @@ Unit = Annotated[float, Field(ge=-1.001, le=1.001)]
 class Position(BaseModel):
     """Where the phone believes itself to be; sigma per axis."""
 
-    latitude_deg: float = Field(ge=-HIGHEST_DEG, le=HIGHEST_DEG)
+    latitude_deg: float = Field(ge=-senses.HIGHEST_DEG, le=senses.HIGHEST_DEG)
     longitude_deg: float = Field(ge=-180, le=180)
     sigma_m: float = Field(ge=1, le=2000)
     altitude_m: float | None = Field(default=None, ge=-1000, le=10_000)
@@ -386,9 +379,9 @@ def asked(question: Question) -> Asked:
     """A question as the lookup takes it."""
     place, echoes = question.position, question.echoes
     return Asked(
-        {checked_bssid_number(text): dbm for text, dbm in question.wifi.items()},
-        None if place is None else Place(**place.model_dump()),
-        None if echoes is None else unit_rows(np.array(echoes.vectors, dtype=np.float32)),
+        {senses.checked_bssid_number(text): dbm for text, dbm in question.wifi.items()},
+        None if place is None else senses.Place(**place.model_dump()),
+        None if echoes is None else senses.unit_rows(np.array(echoes.vectors, dtype=np.float32)),
         "" if echoes is None else echoes.encoder,
     )
 

@@ -296,7 +296,7 @@ def _of_folder(
         raise InputError(f"{folder}: has no {ENCODER}; map the floor by its echoes")
     if is_superimposed(folder):
         raise InputError(f"{folder}: phones need headings; publish the map it was made of")
-    points = _points(scans, parameters)
+    points = points_on(scans, parameters) if scans else None
     return NewFloor(spot, read_map(folder), encoder.read_bytes(), points)
 
 
@@ -339,34 +339,17 @@ def _scans(recordings: Sequence[Path]) -> list[WifiScans]:
     return [read_wifi(recording / WIFI) for recording in recordings]
 
 
-def _points(scans: list[WifiScans], parameters: WifiFindParameters) -> FloorPoints | None:
-    return points_on(scans, parameters) if scans else None
-
-
 def published_rows(services: Services) -> list[dict[str, object]]:
     """A row a floor: building, floor, where it lies, its map, and how much that takes."""
-    parts = select(func.count(), func.sum(FloorPart.size_bytes)).where(
-        FloorPart.floor == Floor.number
-    )
+    size = select(func.sum(FloorPart.size_bytes)).where(FloorPart.floor == Floor.number)
     points = select(func.count()).where(FloorPoint.floor == Floor.number)
-    columns = (
+    wanted = select(
         Building.name, Floor.level, Floor.latitude_deg, Floor.longitude_deg, Floor.id,
-        Floor.revision, points.scalar_subquery(),
-        parts.with_only_columns(func.sum(FloorPart.size_bytes)).scalar_subquery(),
-    )  # fmt: skip
-    wanted = select(*columns).join(Building).order_by(Building.name, Floor.level)
+        Floor.revision, points.scalar_subquery(), size.scalar_subquery(),
+    ).join(Building).order_by(Building.name, Floor.level)  # fmt: skip
+    names = ("building", "floor", "at", "map", "revision", "access points", "bytes")
     with reading(services.sessions) as session:
         return [
-            {
-                "building": name,
-                "floor": level,
-                "at": f"{latitude:.6f},{longitude:.6f}",
-                "map": map_id,
-                "revision": revision,
-                "access points": points,
-                "bytes": size,
-            }
-            for name, level, latitude, longitude, map_id, revision, points, size in session.execute(
-                wanted
-            )
+            dict(zip(names, (name, level, f"{lat:.6f},{lon:.6f}", *others), strict=True))
+            for name, level, lat, lon, *others in session.execute(wanted)
         ]

@@ -7,14 +7,19 @@ need no folder in common. The work there is a process of its own with the same l
 from __future__ import annotations
 
 import fcntl
+import gc
 import json
 import os
 import selectors
 import shutil
 import signal
+import socket
+import struct
 import subprocess
+import sys
 import tempfile
 import time
+import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
@@ -23,18 +28,19 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import IO, Any, Protocol
 
-from elfslam.app.workers import is_ray, open_watchers
-from elfslam.app.workers.child import Child
-from elfslam.app.workers.interface import Watchers
-from elfslam.serve.jobs.preforked import Loaded, loaded
+from elfslam.app.map import MapJob, map_into
+from elfslam.app.settings import Settings
+from elfslam.app.workers import Watchers, is_ray, open_watchers
+from elfslam.app.workers.child import STDIN, Child, end_children, end_with_parent
+from elfslam.base.errors import ElfslamError
+from elfslam.base.values import silent
+from elfslam.data.recordings import write_recording
 from elfslam.serve.store.blobs import place_in
 
 TASK, GIVEN, OUT = "task.json", "given", "out"
 FIXES = "fixes.csv"
 DISK_FULL = "the server's disk is full; free some space there, then retry"
 """What a process says that could not write."""
-
-
 LOG = "log.txt"
 MOST_ATTEMPTS = 3
 """So often a job is begun whose own process died."""
@@ -271,7 +277,7 @@ def open_executor(on: str | None, count: int) -> Iterator[Executor]:
         with ExitStack() as stack:
             ready: SimpleQueue[Begin] = SimpleQueue()
             for _ in range(int(on)):
-                ready.put(stack.enter_context(loaded()).begin)
+                ready.put(stack.enter_context(closing(Loaded())).begin)
             yield Executor(int(on), MOST_ATTEMPTS, partial(_by_the_next, ready))
 
 
@@ -282,3 +288,163 @@ def _by_the_next(ready: SimpleQueue[Begin], folder: Path, longest_s: float, lock
         yield from work_apart(folder, longest_s, lock, begin)
     finally:
         ready.put(begin)
+
+
+# --- a process with everything loaded that forks for each job ---
+#
+# It is given the number of a socket, as `workers.child` runs it, and reads files and a folder from
+# there. It begins the work in a fork of itself, says the number of that process and, once it has
+# ended, how. It works on one job at a time.
+
+NUMBER = struct.Struct("!i")
+MOST_BYTES = 65_536
+FILES = 4
+"""Standard input, output and error of the work, and the lock that it keeps."""
+REAP = b"."
+WORLD, SEED = "studio", 100
+
+
+class Loaded:
+    """The other end: begins the work of one job after the other. One that died is made anew."""
+
+    def __init__(self) -> None:
+        self._process: Child | None = None
+        self._end: socket.socket | None = None
+
+    @contextmanager
+    def begin(self, folder: Path, log: IO[bytes], lock: int) -> Iterator[Worked]:
+        """The work in a folder, begun; see `child.Begin`."""
+        end = self._alive()
+        theirs, held = os.pipe()
+        told, their_out = os.pipe()
+        with os.fdopen(held, "wb"), os.fdopen(told, "rb", 0) as said:
+            try:
+                given = [theirs, their_out, log.fileno(), lock]
+                socket.send_fds(end, [str(folder).encode()], given)
+                process = _Forked(_received(end), said, end)
+            except OSError as error:
+                self.close()
+                raise ChildProcessError(f"no process for {folder.name}: {error}") from error
+            finally:
+                os.close(theirs)
+                os.close(their_out)
+            try:
+                yield process
+            finally:
+                with suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+
+    def close(self) -> None:
+        """End it, and what it works on."""
+        if self._end is not None:
+            self._end.close()
+        if self._process is not None:
+            end_children([self._process])
+        self._process = self._end = None
+
+    def _alive(self) -> socket.socket:
+        if self._end is not None and self._process is not None and self._process.poll() is None:
+            return self._end
+        self.close()
+        self._end, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with theirs:
+            number = theirs.fileno()
+            self._process = Child(__name__, str(number), pass_fds=(number,))
+        return self._end
+
+
+@dataclass
+class _Forked:
+    """The process of one job."""
+
+    pid: int
+    stdout: IO[bytes] | None
+    end: socket.socket
+    status: int | None = None
+
+    def wait(self) -> int:
+        """As `Worked` says. Its number is not given to another before that."""
+        if self.status is None:
+            try:
+                self.status = _received(self.end)
+                self.end.send(REAP)
+            except OSError:
+                self.status = -signal.SIGKILL
+        return self.status
+
+
+def _received(end: socket.socket) -> int:
+    got = end.recv(NUMBER.size)
+    if len(got) != NUMBER.size:
+        raise ConnectionResetError("it ended")
+    return int(NUMBER.unpack(got)[0])
+
+
+def main() -> None:
+    """Fork for one job after the other."""
+    from elfslam.serve.jobs import work
+
+    end = socket.socket(fileno=int(sys.argv[1]))
+    with suppress(OSError, ElfslamError):  # without it jobs are as good, and slower
+        warm_up()
+    gc.freeze()  # what is loaded stays shared between the processes
+    while True:
+        told, files, _, _ = socket.recv_fds(end, MOST_BYTES, FILES)
+        if not told:
+            return
+        pid = os.fork()
+        if pid == 0:
+            end.close()
+            _work(work.work_on, Path(told.decode()), files)
+        for file in files:
+            os.close(file)
+        with suppress(OSError):
+            os.setpgid(pid, pid)  # whoever is told the number may kill its group at once
+        end.send(NUMBER.pack(pid))
+        _end(end, pid)
+
+
+def warm_up() -> None:
+    """Map a short walk: kernels and what draws are loaded when first used.
+
+    It is one without sound, whose mapping begins no threads: a fork would not have them.
+    """
+    from elfslam.world.simulate import load_world, simulate
+
+    walk, _ = simulate(load_world(WORLD), SEED, rounds=1, sound=False)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write_recording(walk, folder / "walk")
+        job = MapJob((), None, "spectral", Settings(), overwrite=False)
+        map_into(folder / "run", folder / "walk", job, silent)
+
+
+def _end(end: socket.socket, pid: int) -> None:
+    """Say how a process ended; its number is free once that was heard."""
+    told = os.waitid(os.P_PID, pid, os.WEXITED | os.WNOWAIT)
+    assert told is not None
+    code = told.si_status if told.si_code == os.CLD_EXITED else -told.si_status
+    with suppress(BrokenPipeError):
+        end.send(NUMBER.pack(code))
+        end.recv(len(REAP))
+    os.waitpid(pid, 0)
+
+
+def _work(work_on: Callable[[Path], None], folder: Path, files: list[int]) -> None:
+    """Be the process of a job; never returns."""
+    code = 1
+    try:
+        os.setpgid(0, 0)
+        for number, file in enumerate(files[:3]):
+            os.dup2(file, number)
+            os.close(file)
+        end_with_parent(STDIN)
+        work_on(folder)
+        code = 0
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        with suppress(OSError):
+            sys.stderr.flush()
+        os._exit(code)

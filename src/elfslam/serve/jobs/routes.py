@@ -12,7 +12,6 @@ from pydantic import BaseModel, Field, field_validator, model_validator
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.enums import LONGEST_S, Modality, Mode, parse_stretch, refusal_of
 from elfslam.base.errors import ParameterError
 from elfslam.serve.jobs import queue as jobs
@@ -33,12 +32,10 @@ from elfslam.serve.store.tables import (
     RecordingState,
     User,
 )
-from elfslam.serve.texts import Line
+from elfslam.serve.texts import Id, Line, StartPose
 
 router = APIRouter(tags=["jobs"])
 MOST_MAPS = 100
-Id = Annotated[str, Field(pattern=r"^[0-9a-f]{32}$")]
-Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M, allow_inf_nan=False)]
 Seconds = Annotated[float, Field(ge=0, le=LONGEST_S, allow_inf_nan=False)]
 
 
@@ -51,7 +48,7 @@ class MapWanted(BaseModel):
     kind: Literal["map"]
     recording: Id
     by: list[Modality] = Field(default_factory=list, max_length=len(Modality))
-    start_pose: tuple[Coordinate, Coordinate, Coordinate] | None = None
+    start_pose: StartPose | None = None
     from_s: Seconds | None = None
     until_s: Seconds | None = None
 

@@ -9,7 +9,6 @@ again what was interrupted.
 
 from __future__ import annotations
 
-import logging
 import shutil
 import threading
 import time
@@ -27,27 +26,8 @@ from elfslam.app.workers import WorkerDiedError, WorkersAwayError
 from elfslam.base.errors import InputError, WorkerError
 from elfslam.data.building_files import FLOORS
 from elfslam.data.map_files import BY_TAPS, MISSING
-from elfslam.serve.jobs import queue
-from elfslam.serve.jobs.executors import (
-    DISK_FULL,
-    OUT,
-    Events,
-    Executor,
-    Progress,
-    Result,
-    open_executor,
-)
-from elfslam.serve.jobs.executors import LOG as CHILD_LOG
-from elfslam.serve.jobs.tasks import (
-    FLOOR,
-    FLOOR_PLAN,
-    RUN,
-    frame_of,
-    lay_out,
-    maps_to_merge,
-    name_of,
-)
-from elfslam.serve.problems import is_disk_full
+from elfslam.serve.jobs import executors, queue, tasks
+from elfslam.serve.problems import LOG, is_disk_full
 from elfslam.serve.services import Services
 from elfslam.serve.sharing.rights import Principal, Right, right_in
 from elfslam.serve.store import blobs
@@ -57,7 +37,6 @@ from elfslam.serve.store.opening import locked_now
 from elfslam.serve.store.quota import drop_unnamed
 from elfslam.serve.store.tables import JobFile, JobKind, Map, MapFacts, MapFile, Recording, new_id
 
-LOG = logging.getLogger("elfslam.serve")
 LOCK = "jobs.lock"
 FOLDERS = "job-"
 """How the names of jobs' folders begin."""
@@ -79,7 +58,7 @@ class WorkerContext:
     services: Services
     stopping: threading.Event
     lock: int
-    executor: Executor
+    executor: executors.Executor
     away: threading.Event
     """Set where the workers of the executor are gone."""
     since_s: float
@@ -123,7 +102,7 @@ def _work_alone(services: Services, stopping: threading.Event) -> None:
 def _work_there(services: Services, stopping: threading.Event, lock: int, since_s: float) -> None:
     """Work until the server stops, or those who work are gone. Raises InputError, WorkerError."""
     settings = services.settings
-    with open_executor(settings.on, settings.job_workers) as executor:
+    with executors.open_executor(settings.on, settings.job_workers) as executor:
         bench = WorkerContext(services, stopping, lock, executor, threading.Event(), since_s)
         workers = [threading.Thread(target=_work, args=(bench,)) for _ in range(executor.count)]
         for worker in workers:
@@ -159,7 +138,7 @@ def _work_on(bench: WorkerContext, held: queue.Claim) -> None:
         _put_back(bench, held, error)
     except Exception as error:
         LOG.exception("job %s failed", held.job_id)
-        problem = DISK_FULL if is_disk_full(error) else MISTAKE
+        problem = executors.DISK_FULL if is_disk_full(error) else MISTAKE
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     if problem is not None:
@@ -168,7 +147,7 @@ def _work_on(bench: WorkerContext, held: queue.Claim) -> None:
 
 def _attempt(bench: WorkerContext, held: queue.Claim, folder: Path) -> None:
     services = bench.services
-    lay_out(services, held, folder)
+    tasks.lay_out(services, held, folder)
     longest_s = services.settings.limits.job_s
     result = _result(bench, held, bench.executor.work(folder, longest_s, bench.lock))
     if result is None:
@@ -183,17 +162,19 @@ def _attempt(bench: WorkerContext, held: queue.Claim, folder: Path) -> None:
         _patiently(bench.stopping, partial(keep, services, held, folder, result))
 
 
-def _result(bench: WorkerContext, held: queue.Claim, events: Events) -> Result | None:
+def _result(
+    bench: WorkerContext, held: queue.Claim, events: executors.Events
+) -> executors.Result | None:
     """What came of a job, nothing where it was given up before; its progress is told meanwhile."""
     with closing(events):  # type: ignore[type-var]
         try:
             for event in events:
-                if isinstance(event, Result):
+                if isinstance(event, executors.Result):
                     return event
                 if not _goes_on(bench, held, event):
                     return None
         except WorkerDiedError as error:
-            return Result(None, str(error), died=True)
+            return executors.Result(None, str(error), died=True)
     raise WorkersAwayError("the cluster stopped in the middle; asking for it again")
 
 
@@ -206,7 +187,7 @@ def _put_back(bench: WorkerContext, held: queue.Claim, error: WorkerError) -> No
     bench.stopping.wait(POLL_S)
 
 
-def _goes_on(bench: WorkerContext, held: queue.Claim, progress: Progress | None) -> bool:
+def _goes_on(bench: WorkerContext, held: queue.Claim, progress: executors.Progress | None) -> bool:
     """Pass progress on; whether to go on. A database that is away stops nobody."""
     if bench.stopping.is_set():
         return False
@@ -240,7 +221,7 @@ def _patiently(stopping: threading.Event, act: Callable[[], T]) -> T | None:
 
 def _log(folder: Path, held: queue.Claim, problem: str) -> None:
     """What the work's own process said of its failure, where it said anything."""
-    file = folder / CHILD_LOG
+    file = folder / executors.LOG
     said = file.read_text(encoding="utf-8", errors="replace") if file.exists() else ""
     said = said[-LOG_CHARACTERS:]
     LOG.info("job %s: %s\n%s", held.job_id, problem, said.strip())
@@ -255,7 +236,7 @@ JOINED = " + "
 MOST_NAME = 120
 
 
-def keep(services: Services, held: queue.Claim, folder: Path, result: Result) -> bool:
+def keep(services: Services, held: queue.Claim, folder: Path, result: executors.Result) -> bool:
     """Keep what lies in a job's folder and end the job; whether the claim still held.
 
     A job may fail and yet leave something: dead reckoning where no loop closed, say.
@@ -264,7 +245,7 @@ def keep(services: Services, held: queue.Claim, folder: Path, result: Result) ->
     made: dict[str, Blob] = {}
     with blobs.locked(store):
         if result.facts is not None:
-            made = blobs.put_folder(store, folder / OUT)
+            made = blobs.put_folder(store, folder / executors.OUT)
         with transaction(services.sessions) as session:
             maps = _maps_of(held, result.facts, made)
             gave = _gave(held, result.facts, [each.id for each in maps])
@@ -272,7 +253,10 @@ def keep(services: Services, held: queue.Claim, folder: Path, result: Result) ->
             for each in maps if kept else ():
                 _add_map(session, held, each)
             if kept and not maps:
-                _add_files(session, held, made)
+                session.add_all(
+                    JobFile(job_id=held.job_id, name=name, **asdict(blob))
+                    for name, blob in made.items()
+                )
     if not kept:
         drop_unnamed(services, [blob.sha256 for blob in made.values()])
     return kept
@@ -321,7 +305,7 @@ def _gave(held: queue.Claim, facts: dict[str, Any] | None, map_ids: list[str]) -
 
 
 def _add_map(session: Session, held: queue.Claim, new: NewMap) -> None:
-    kind = RUN if held.kind is JobKind.MAP else FLOOR
+    kind = tasks.RUN if held.kind is JobKind.MAP else tasks.FLOOR
     told = _origin(session, held)
     if new.floor is not None:
         told |= {"venue": told["name"], "floor": new.floor}
@@ -332,15 +316,9 @@ def _add_map(session: Session, held: queue.Claim, new: NewMap) -> None:
         recording = session.get_one(Recording, held.given["recording"])
         lay_on_tapped_plan(session, added, recording, new.facts)
     else:
-        lay_on_plan_of_first(session, added, maps_to_merge(session, held), new.facts)
+        lay_on_plan_of_first(session, added, tasks.maps_to_merge(session, held), new.facts)
     session.add_all(
         MapFile(map_id=new.id, name=name, **asdict(blob)) for name, blob in new.files.items()
-    )
-
-
-def _add_files(session: Session, held: queue.Claim, made: dict[str, Blob]) -> None:
-    session.add_all(
-        JobFile(job_id=held.job_id, name=name, **asdict(blob)) for name, blob in made.items()
     )
 
 
@@ -352,7 +330,7 @@ def _origin(session: Session, held: queue.Claim) -> dict[str, Any]:
     if held.kind is JobKind.MAP:
         recording = session.get_one(Recording, held.given["recording"])
         return {"name": recording.name, "sources": [recording.id]}
-    maps = maps_to_merge(session, held)
+    maps = tasks.maps_to_merge(session, held)
     named = held.given.get("name") or JOINED.join(each.name for each in maps)[:MOST_NAME]
     sources = list(dict.fromkeys(source for each in maps for source in each.sources))
     return {"name": named, "sources": sources, **_common_place(maps)}
@@ -385,19 +363,19 @@ def lay_on_plan_of_first(session: Session, made: Map, maps: Sequence[Map], facts
 
     That is the merged one among them, else the oldest walk that was not refused.
     """
-    inside = [each for each in maps if name_of(each) not in facts.get("refused", {})]
-    inside.sort(key=lambda each: each.kind != FLOOR)
+    inside = [each for each in maps if tasks.name_of(each) not in facts.get("refused", {})]
+    inside.sort(key=lambda each: each.kind != tasks.FLOOR)
     if inside:
         lies = {name: told for name, told in inside[0].facts.items() if name in OF_FLOOR}
-        its = {**made.facts, **lies, "frame": frame_of(session, inside[0])}
+        its = {**made.facts, **lies, "frame": tasks.frame_of(session, inside[0])}
         made.facts = cast(MapFacts, its)
         _lay(session, made, inside[0])
 
 
 def _lay(session: Session, made: Map, planned: Map) -> None:
-    plan = session.get(MapFile, (planned.id, FLOOR_PLAN))
+    plan = session.get(MapFile, (planned.id, tasks.FLOOR_PLAN))
     if plan is None:
         return
     made.floor_plan = planned.floor_plan
-    told = {"name": plan.name, "sha256": plan.sha256, "size_bytes": plan.size_bytes}
-    session.add(MapFile(map_id=made.id, **told))
+    blob = asdict(Blob(plan.sha256, plan.size_bytes))
+    session.add(MapFile(map_id=made.id, name=plan.name, **blob))

@@ -15,7 +15,6 @@ import sys
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -37,6 +36,7 @@ from elfslam.data.position_files import write_fixes
 from elfslam.data.recordings import read_recording
 from elfslam.data.runs import read_run
 from elfslam.serve.jobs.executors import DISK_FULL, FIXES, GIVEN, OUT, TASK, Progress, Result
+from elfslam.serve.parsing.child import bound
 from elfslam.slam import pipeline as slam
 from elfslam.slam.floor_location import locate_in_building
 from elfslam.slam.merging import MergeParameters
@@ -75,7 +75,7 @@ def work_on(folder: Path) -> None:
     os.dup2(2, 1)  # whatever a library prints must not look like ours
     task = json.loads((folder / TASK).read_text(encoding="utf-8"))
     _limit(task["limits"])
-    _say(told, _result(folder, task, partial(_tell, told)))
+    _say(told, _result(folder, task, lambda *doing: _say(told, Progress(*doing))))
 
 
 def _result(folder: Path, task: Json, announce: Announce) -> Result:
@@ -123,7 +123,12 @@ def _map(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | None
     run = map_into(folder / OUT, folder / GIVEN / task["recording"], job, stage)
     out = folder / OUT
     facts = {"floors": facts_of_floors(out)} if is_building(out) else dict(facts_of_run(run))
-    return {**facts, **_said_of_run(out)}, _problem_of(lambda: refuse_unclosed(run))
+    problem = None
+    try:
+        refuse_unclosed(run)
+    except NoAnswerError as failure:
+        problem = str(failure)
+    return {**facts, **_said_of_run(out)}, problem
 
 
 def facts_of_floors(out: Path) -> list[MapFacts]:
@@ -218,21 +223,9 @@ def _heard_by(floor_map: FloorMap) -> set[str]:
 WORK: Mapping[str, Work] = {"map": _map, "merge": _merge, "locate": _locate}
 
 
-def _problem_of(check: Callable[[], None]) -> str | None:
-    try:
-        check()
-    except NoAnswerError as failure:
-        return str(failure)
-    return None
-
-
 def _bounds(xy_m: F64) -> list[float]:
     corners = np.array([xy_m.min(axis=0), xy_m.max(axis=0)])
     return [float(value) for value in np.round(corners, 3).ravel()]
-
-
-def _tell(told: TextIO, doing: str, share: float | None) -> None:
-    _say(told, Progress(doing, share))
 
 
 def _say(told: TextIO, event: Progress | Result) -> None:
@@ -241,11 +234,6 @@ def _say(told: TextIO, event: Progress | Result) -> None:
 
 def _limit(limits: Json) -> None:
     os.nice(NICENESS)
-    for what, most in (
-        (resource.RLIMIT_DATA, limits["bytes"]),
-        (resource.RLIMIT_FSIZE, limits["bytes"]),
-        (resource.RLIMIT_CORE, 0),
-    ):
-        hard = resource.getrlimit(what)[1]
-        allowed = most if hard == resource.RLIM_INFINITY else min(most, hard)
-        resource.setrlimit(what, (allowed, allowed))
+    bound(resource.RLIMIT_DATA, limits["bytes"])
+    bound(resource.RLIMIT_FSIZE, limits["bytes"])
+    bound(resource.RLIMIT_CORE, 0)

@@ -25,7 +25,7 @@ from elfslam.data.map_files import ENCODER, MAP, read_map
 from elfslam.data.tiles import encoder_identity, stretches_of, tiles_of
 from elfslam.serve.buildings.files import published_manifest, published_part
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
-from elfslam.serve.maps.point_routes import points_of
+from elfslam.serve.maps.places import points_of
 from elfslam.serve.network.authority import fingerprint, sign, signing_key, spki_of
 from elfslam.serve.people.access import not_found
 from elfslam.serve.receiving.completing import scratch
@@ -36,7 +36,7 @@ from elfslam.serve.store import blobs
 from elfslam.serve.store.blobs import Blob
 from elfslam.serve.store.database import reading, transaction
 from elfslam.serve.store.quota import drop_unnamed
-from elfslam.serve.store.sending import sent_blob, unfolded
+from elfslam.serve.store.sending import BINARY, sent_blob, unfolded
 from elfslam.serve.store.tables import Map, MapFile, MapPackage, MapPart, now_utc
 
 FORMAT = 3
@@ -227,7 +227,6 @@ def _text(told: object) -> str:
 router = APIRouter(tags=["packages"])
 public = APIRouter(tags=["packages"])
 """The key is no secret, and who has nothing but a link needs it."""
-BINARY = "application/octet-stream"
 
 
 class KeyBody(BaseModel):

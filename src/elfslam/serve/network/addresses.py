@@ -58,8 +58,8 @@ def lan_addresses() -> list[str]:
         found += [str(info[4][0]) for info in known]
     except OSError:
         pass
-    local = (address for address in found if is_local(address) and not _is_loopback(address))
-    return list(dict.fromkeys(local))
+    local = [address for address in found if is_local(address)]
+    return list(dict.fromkeys(each for each in local if not ipaddress.ip_address(each).is_loopback))
 
 
 def server_names(addresses: Sequence[str]) -> list[str]:
@@ -125,10 +125,6 @@ def _own_address_towards(other: str) -> str | None:
         except OSError:
             return None
         return str(probe.getsockname()[0])
-
-
-def _is_loopback(address: str) -> bool:
-    return ipaddress.ip_address(address).is_loopback
 
 
 def _listening(host: str, port: int) -> socket.socket:

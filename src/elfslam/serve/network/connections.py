@@ -79,7 +79,7 @@ class Visitors:
 
     def of(self, number: int) -> Connection:
         """The visit on a socket; one that is not counted any more where it was just ended."""
-        return self._visits.get(number) or Connection("", _nothing, None)
+        return self._visits.get(number) or Connection("", lambda: None, None)
 
     def _end_one(self, visits: Mapping[int, Connection]) -> bool:
         """End the one that waits longest; False where the server works for all of them."""
@@ -144,10 +144,6 @@ def visitor_of(address: str) -> str:
     if found.version == 4 or not found.is_global:
         return str(found)
     return str(ipaddress.ip_network((found, NEIGHBOURS), strict=False))
-
-
-def _nothing() -> None:
-    pass
 
 
 class _CountedTls(_Counted):

@@ -37,8 +37,7 @@ from elfslam.serve.problems import Problem
 from elfslam.serve.services import Services, open_services
 from elfslam.serve.settings import PORT, Limits, ServerSettings
 from elfslam.serve.store.database import answering, reading, transaction
-from elfslam.serve.store.holding import holding
-from elfslam.serve.store.opening import TRIES, alone_with
+from elfslam.serve.store.opening import TRIES, alone_with, holding
 from elfslam.serve.store.tables import Store, User
 from elfslam.serve.texts import plain_line
 

@@ -62,8 +62,8 @@ class Bounds:
         return f"{words}; {self.advice}"
 
 
-def main(told: Connection, module: str, bounds: Bounds, given: Mapping[str, Any]) -> None:
-    """Call `parse` of a module with what is given, tell what comes of it as JSON, and exit.
+def main(told: Connection, parser: str, bounds: Bounds, given: Mapping[str, Any]) -> None:
+    """Call a parser, MODULE:FUNCTION, with what is given, tell what comes of it as JSON, and exit.
 
     Told is `{"found": ...}`, `{"refusal": ..., "choices": [...]}`, or `{"fault": ...}` of ours.
     """
@@ -73,8 +73,9 @@ def main(told: Connection, module: str, bounds: Bounds, given: Mapping[str, Any]
     with open(os.devnull, "wb") as nowhere:
         os.dup2(nowhere.fileno(), sys.stderr.fileno())
     _limit_cost(bounds)
-    parse = import_module(module).parse
-    _limit(resource.RLIMIT_DATA, bounds.memory_bytes + _inherited_bytes())
+    name, _, function = parser.partition(":")
+    parse = getattr(import_module(name), function)
+    bound(resource.RLIMIT_DATA, bounds.memory_bytes + _inherited_bytes())
     try:
         answer = _answer(parse, bounds, given)
     except Exception as error:  # whatever a file makes a library raise
@@ -93,12 +94,12 @@ def _inherited_bytes() -> int:
 
 def _limit_cost(bounds: Bounds) -> None:
     os.nice(bounds.niceness)
-    _limit(resource.RLIMIT_CORE, 0)
-    _limit(resource.RLIMIT_FSIZE, bounds.file_bytes)
-    _limit(resource.RLIMIT_CPU, max(1, round(bounds.processor_s)), grace=1)
+    bound(resource.RLIMIT_CORE, 0)
+    bound(resource.RLIMIT_FSIZE, bounds.file_bytes)
+    bound(resource.RLIMIT_CPU, max(1, round(bounds.processor_s)), grace=1)
 
 
-def _limit(what: int, most: int, grace: int = 0) -> None:
+def bound(what: int, most: int, grace: int = 0) -> None:
     """Bound a resource; where it has a signal of its own, `grace` beyond that the kernel kills."""
     hard = resource.getrlimit(what)[1]
     if hard != resource.RLIM_INFINITY:

@@ -28,8 +28,6 @@ from elfslam.serve.problems import Problem, disk_full
 
 KNOWN = (
     "elfslam.serve.receiving.reader",
-    "elfslam.serve.receiving.walks",
-    "elfslam.serve.receiving.sensors",
     "elfslam.serve.maps.plan_drawing",
     "elfslam.serve.parsing.child",
 )
@@ -46,13 +44,13 @@ class Children:
     def __init__(self) -> None:
         self._lock, self._alive, self._closed = threading.Lock(), set[BaseProcess](), False
 
-    def parse(self, module: str, bounds: Bounds, **given: Any) -> Any:
-        """What `parse` of a module gives for what is given (JSON both), called in a child.
+    def parse(self, parser: str, bounds: Bounds, **given: Any) -> Any:
+        """What MODULE:FUNCTION gives for what is given (JSON both), called in a child.
 
         Raises InputError for what it refuses and for what exceeds a bound, Problem 503 where the
         server stops or the child was killed, 507 where the disk is full.
         """
-        with self._begun(module, bounds, given) as (each, told):
+        with self._begun(parser, bounds, given) as (each, told):
             if not told.poll(bounds.wall_s):
                 raise InputError(bounds.refusal(Exceeded.WALL))
             answer = _answer_of(told)
@@ -79,13 +77,13 @@ class Children:
 
     @contextmanager
     def _begun(
-        self, module: str, bounds: Bounds, given: Mapping[str, Any]
+        self, parser: str, bounds: Bounds, given: Mapping[str, Any]
     ) -> Iterator[tuple[BaseProcess, Connection]]:
         told, teller = multiprocessing.Pipe(duplex=False)
         with self._lock:
             if self._closed:
                 raise _stopping()
-            each = forks().Process(target=main, args=(teller, module, bounds, given), daemon=True)
+            each = forks().Process(target=main, args=(teller, parser, bounds, given), daemon=True)
             each.start()
             teller.close()
             self._alive.add(each)

@@ -12,15 +12,7 @@ from sqlalchemy.orm import Session
 
 from elfslam.serve.network.addresses import url_for_others
 from elfslam.serve.network.authority import pairing_fragment
-from elfslam.serve.people.access import (
-    Me,
-    Owner,
-    Token,
-    known_id,
-    new_token,
-    not_found,
-    token_sha256,
-)
+from elfslam.serve.people import access
 from elfslam.serve.problems import EVERYWHERE, Problem, problems
 from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.settings import COOKIE, ServerSettings
@@ -75,7 +67,7 @@ class Invitation(BaseModel):
 
 
 @router.post("/session", status_code=204, operation_id="begin_session")
-def begin_session(_user: Me, token: Token, services: ServicesDep) -> Response:
+def begin_session(_user: access.Me, token: access.Token, services: ServicesDep) -> Response:
     """Keep the token of the Authorization header as a cookie that scripts cannot read."""
     return session_of(token, services.settings)
 
@@ -95,7 +87,7 @@ def session_of(token: str, settings: ServerSettings) -> Response:
 
 
 @router.delete("/session", status_code=204, operation_id="end_session")
-def end_session(_user: Me, services: ServicesDep) -> Response:
+def end_session(_user: access.Me, services: ServicesDep) -> Response:
     """Forget the cookie on this device; the token stays valid."""
     response = Response(status_code=204)
     response.delete_cookie(
@@ -105,19 +97,19 @@ def end_session(_user: Me, services: ServicesDep) -> Response:
 
 
 @router.get("/me", operation_id="who_am_i")
-def who_am_i(user: Me, services: ServicesDep) -> MeBody:
+def who_am_i(user: access.Me, services: ServicesDep) -> MeBody:
     """The user whose token was sent, what they use and what they may."""
     with reading(services.sessions) as session:
         return _me(services, session, user)
 
 
 @router.patch("/me", operation_id="rename_me")
-def rename_me(given: UserName, mine: Me, services: ServicesDep) -> MeBody:
+def rename_me(given: UserName, mine: access.Me, services: ServicesDep) -> MeBody:
     """Be called otherwise: others see the name where a map is shared."""
     with transaction(services.sessions) as session:
         user = session.get(User, mine.id)
         if user is None:
-            raise not_found("user")
+            raise access.not_found("user")
         user.name = given.name
         return _me(services, session, user)
 
@@ -133,7 +125,7 @@ def _me(services: Services, session: Session, user: User) -> MeBody:
 
 
 @router.get("/people", operation_id="list_people")
-def list_people(user: Me, services: ServicesDep) -> list[PersonBody]:
+def list_people(user: access.Me, services: ServicesDep) -> list[PersonBody]:
     """Everybody else who has a token, by name: with them a map can be shared."""
     others = select(User).where(User.id != user.id).order_by(User.name, User.id)
     with reading(services.sessions) as session:
@@ -142,7 +134,7 @@ def list_people(user: Me, services: ServicesDep) -> list[PersonBody]:
 
 
 @router.get("/users", operation_id="list_users")
-def list_users(_owner: Owner, services: ServicesDep) -> list[UserBody]:
+def list_users(_owner: access.Owner, services: ServicesDep) -> list[UserBody]:
     """Everybody who has a token (owner only)."""
     with reading(services.sessions) as session:
         users = session.scalars(select(User).order_by(User.created_utc, User.id))
@@ -151,7 +143,7 @@ def list_users(_owner: Owner, services: ServicesDep) -> list[UserBody]:
 
 @router.post("/users", status_code=201, operation_id="invite_user", responses=problems(409))
 def invite_user(
-    given: UserName, _owner: Owner, services: ServicesDep, request: Request
+    given: UserName, _owner: access.Owner, services: ServicesDep, request: Request
 ) -> Invitation:
     """Let somebody in: their token is in the answer and nowhere else (owner only)."""
     url = url_for_others(str(request.base_url), services.settings)
@@ -163,23 +155,23 @@ def invite_user(
 @router.delete(
     "/users/{user_id}", status_code=204, operation_id="delete_user", responses=problems(409)
 )
-def remove_user(user_id: str, mine: Owner, services: ServicesDep) -> None:
+def remove_user(user_id: str, mine: access.Owner, services: ServicesDep) -> None:
     """Delete a user with all their recordings, maps and jobs (owner only)."""
-    if known_id(user_id, "user") == mine.id:
+    if access.known_id(user_id, "user") == mine.id:
         raise Problem(409, "the owner cannot be deleted; delete the data folder instead")
     with reading(services.sessions) as session:
         if session.get(User, user_id) is None:
-            raise not_found("user")
+            raise access.not_found("user")
     delete_user(services, user_id)
 
 
 def add_user(services: Services, name: str) -> tuple[User, str]:
     """A new user and their token. Raises Problem 409 where there are too many."""
-    token, most = new_token(), services.settings.limits.users
+    token, most = access.new_token(), services.settings.limits.users
     with transaction(services.sessions) as session:
         if count_rows(session, User) >= most:
             raise Problem(409, f"there are {most} users already; delete one first")
-        user = User(name=name, token_sha256=token_sha256(token))
+        user = User(name=name, token_sha256=access.token_sha256(token))
         session.add(user)
     return user, token
 
@@ -191,7 +183,7 @@ def set_owner_token(services: Services, token: str) -> User:
         if user is None:
             user = User(name="owner", token_sha256="", is_owner=True)
             session.add(user)
-        user.token_sha256 = token_sha256(token)
+        user.token_sha256 = access.token_sha256(token)
     return user
 
 
@@ -213,7 +205,9 @@ class GivenCode(BaseModel):
 
 
 @router.post("/pairing", status_code=201, operation_id="pair_device", responses=problems(409))
-def pair_device(_user: Me, token: Token, services: ServicesDep, request: Request) -> PairingCode:
+def pair_device(
+    _user: access.Me, token: access.Token, services: ServicesDep, request: Request
+) -> PairingCode:
     """An address that pairs one more device with whoever asks; its code is used up by that."""
     url = url_for_others(str(request.base_url), services.settings)
     code = services.codes.make(token)

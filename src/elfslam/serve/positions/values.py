@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from elfslam.base.bounds import FARTHEST_M
 from elfslam.data.geographic import EAST_DEG, HIGHEST_DEG, Origin, to_lon_lat
+from elfslam.serve.texts import Id, Metres
 
 Status = Literal["OK", "AMBIGUOUS", "UNKNOWN_PLACE", "NO_ECHO", "SUSPECT"]
 """The names of `FixStatus`."""
@@ -19,9 +20,7 @@ MOST_AT_ONCE = 20
 """Positions in a request: ten seconds' worth."""
 DIGITS_M, DIGITS_RAD, DIGITS_DEG = 3, 4, 8
 """A millimetre, here and on the Earth; a hundredth of a degree."""
-Metres = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M, allow_inf_nan=False)]
 WalkId = Annotated[str, Field(pattern=r"^[0-9a-f]{8,32}$")]
-MapId = Annotated[str, Field(pattern=r"^[0-9a-f]{32}$")]
 
 
 class NewPosition(BaseModel):
@@ -44,7 +43,7 @@ class NewPosition(BaseModel):
 class NewPositions(BaseModel):
     """What a walker tells of where they are. `walk` is drawn anew for every walk."""
 
-    map: MapId
+    map: Id
     walk: WalkId
     positions: list[NewPosition] = Field(max_length=MOST_AT_ONCE)
     is_over: bool = False

@@ -107,13 +107,10 @@ def address_of(target: Target, *, allow_local: bool, resolve: Resolve | None = N
 def is_public(address: str) -> bool:
     """Whether an address is one of the Internet: neither this machine's, nor a local network's."""
     try:
-        return all(_is_global(each) for each in _meant(ipaddress.ip_address(address)))
+        meant = _meant(ipaddress.ip_address(address))
+        return all(each.is_global and not (each.is_multicast or each.is_reserved) for each in meant)
     except ValueError:
         return False
-
-
-def _is_global(address: IpAddress) -> bool:
-    return address.is_global and not (address.is_multicast or address.is_reserved)
 
 
 def _meant(address: IpAddress) -> list[IpAddress]:

@@ -16,6 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel, Field
 from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
@@ -46,13 +47,12 @@ SCRATCH = "reading-"
 """So begin the names of folders in work/ that recordings are read in."""
 
 
-@dataclass(frozen=True)
-class ManifestEntry:
-    """A file as the client has it."""
+class FileBody(BaseModel):
+    """One file of a recording's folder."""
 
     name: str
-    size_bytes: int
-    sha256: str
+    size_bytes: int = Field(ge=0, le=2**53)
+    sha256: str = Field(pattern="^[0-9a-f]{64}$")
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class PendingRecording:
 
 
 def complete(
-    services: Services, recording_id: str, files: list[ManifestEntry], *, wants_map: bool
+    services: Services, recording_id: str, files: list[FileBody], *, wants_map: bool
 ) -> None:
     """Make a recording of its uploads. Raises Problem 409 where something is missing.
 
@@ -100,7 +100,7 @@ def complete(
             (services.settings.uploads_folder / upload.id).unlink(missing_ok=True)
 
 
-def _come(settings: ServerSettings, promised: ManifestEntry, uploads: list[Upload]) -> ReceivedFile:
+def _come(settings: ServerSettings, promised: FileBody, uploads: list[Upload]) -> ReceivedFile:
     """A promised file, found among the uploads. Raises Problem 409."""
     named = [upload for upload in uploads if upload.file_name == promised.name]
     sizes = {upload.id: upload_bytes(settings, upload.id) for upload in named}
@@ -215,7 +215,9 @@ def make_recordings(services: Services, upload_id: str) -> Upload:
         made.mkdir()
         file = given / _safe_name(upload.file_name)
         blobs.link_or_copy(path, file)
-        most = _most_walks(services, upload.user_id)
+        with reading(services.sessions) as session:
+            left = recordings_left(services, session, upload.user_id)
+        most = max(1, min(MOST_WALKS, left))  # somebody must be told why one was refused
         walks = walks_apart(services.children, file, made, most, services.settings.limits)
         keep(services, _parts(walks, made, upload_id), wants_map=upload.wants_map)
     path.unlink(missing_ok=True)
@@ -226,12 +228,6 @@ def _safe_name(name: str) -> str:
     """The name of an upload as that of a file: importers call their walks so."""
     stem = as_line(stem_of(name), "walk").replace("/", "_").replace("\\", "_").lstrip(".")
     return f"{as_file_name(stem) or 'walk'}{name[len(stem_of(name)) :].lower()}"
-
-
-def _most_walks(services: Services, user_id: str) -> int:
-    """One at least: somebody must be told why it was refused."""
-    with reading(services.sessions) as session:
-        return max(1, min(MOST_WALKS, recordings_left(services, session, user_id)))
 
 
 def _parts(walks: Sequence[Walk], made: Path, upload_id: str) -> list[PendingRecording]:

@@ -18,18 +18,16 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from elfslam import __version__
-from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.errors import InputError
 from elfslam.serve.people.access import Me, not_found, own
 from elfslam.serve.problems import Problem, problems
-from elfslam.serve.receiving.completing import ManifestEntry, complete
-from elfslam.serve.receiving.reader import bounds_of
-from elfslam.serve.receiving.sensors import Look
+from elfslam.serve.receiving.completing import FileBody, complete
+from elfslam.serve.receiving.reader import SENSORS, Look, bounds_of
 from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.store.blobs import found_blob
 from elfslam.serve.store.database import reading, transaction
 from elfslam.serve.store.quota import delete_recordings, refuse_more_recordings, upload_bytes
-from elfslam.serve.store.sending import ZIP, sent, sent_blob, unfolded
+from elfslam.serve.store.sending import BINARY, ZIP, sent, sent_blob, unfolded
 from elfslam.serve.store.tables import (
     Recording,
     RecordingFacts,
@@ -39,10 +37,9 @@ from elfslam.serve.store.tables import (
     User,
 )
 from elfslam.serve.store.zips import FILE_NAMES, packed
-from elfslam.serve.texts import Deleted, Line, Many
+from elfslam.serve.texts import Deleted, Line, Many, StartPose
 
 router = APIRouter(prefix="/recordings", tags=["recordings"])
-Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M, allow_inf_nan=False)]
 
 
 class NewRecording(BaseModel):
@@ -50,15 +47,7 @@ class NewRecording(BaseModel):
 
     name: Line
     device: Line = "unknown"
-    start_pose: tuple[Coordinate, Coordinate, Coordinate] | None = None
-
-
-class FileBody(BaseModel):
-    """One file of a recording's folder."""
-
-    name: str
-    size_bytes: int = Field(ge=0, le=2**53)
-    sha256: str = Field(pattern="^[0-9a-f]{64}$")
+    start_pose: StartPose | None = None
 
 
 class UploadBody(BaseModel):
@@ -68,6 +57,9 @@ class UploadBody(BaseModel):
     file_name: str
     offset_bytes: int
     length_bytes: int | None
+
+
+OF_THE_ROW = ("id", "name", "device", "state", "refusal", "facts", "created_utc")
 
 
 class RecordingBody(BaseModel):
@@ -186,10 +178,9 @@ def my_recording(session: Session, user: User, recording_id: str) -> Recording:
 def _complete(
     services: Services, user: User, recording_id: str, given: Completion
 ) -> RecordingBody:
-    promised = [ManifestEntry(file.name, file.size_bytes, file.sha256) for file in given.files]
     with reading(services.sessions) as session:
         my_recording(session, user, recording_id)
-    complete(services, recording_id, promised, wants_map=given.map)
+    complete(services, recording_id, given.files, wants_map=given.map)
     with reading(services.sessions) as session:
         recording = my_recording(session, user, recording_id)
         if recording.refusal is not None:
@@ -221,17 +212,11 @@ def _bodies(
         uploads[upload.recording_id].append(_on_its_way(services, upload))
     return [
         RecordingBody(
-            id=recording.id,
-            name=recording.name,
-            device=recording.device,
-            state=RecordingState(recording.state),
-            refusal=recording.refusal,
-            facts=dict(recording.facts),
-            files=files[recording.id],
-            uploads=uploads[recording.id],
-            created_utc=recording.created_utc,
+            **{name: getattr(each, name) for name in OF_THE_ROW},
+            files=files[each.id],
+            uploads=uploads[each.id],
         )
-        for recording in recordings
+        for each in recordings
     ]
 
 
@@ -274,8 +259,6 @@ TYPES = {
     ".flac": "audio/flac",
     ".wav": "audio/wav",
 }
-READER = "elfslam.serve.receiving.sensors"
-BINARY = "application/octet-stream"
 NEVER_OLD = {"Cache-Control": "private, no-cache"}
 """A browser may keep it, and asks each time whether it still is so."""
 
@@ -345,7 +328,7 @@ def _look(services: Services, named: Mapping[str, str]) -> dict[str, Any]:
     bounds = bounds_of(services.settings.limits)
     try:
         with unfolded(services.settings, named) as folder:
-            return dict(services.children.parse(READER, bounds, folder=str(folder)))
+            return dict(services.children.parse(SENSORS, bounds, folder=str(folder)))
     except FileNotFoundError as gone:
         raise not_found("recording") from gone
     except InputError as refused:

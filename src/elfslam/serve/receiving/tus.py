@@ -14,8 +14,6 @@ import os
 import shutil
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
-from datetime import datetime
-from email.utils import format_datetime
 from pathlib import Path
 from typing import Any
 
@@ -38,10 +36,6 @@ class Checksum:
 
     algorithm: str
     digest: bytes
-
-    def hasher(self) -> Any:
-        """A new hash of that algorithm."""
-        return hashlib.new(self.algorithm)
 
 
 def check_version(given: str) -> None:
@@ -95,16 +89,6 @@ def parse_checksum(text: str | None) -> Checksum | None:
     return Checksum(algorithm, digest)
 
 
-def wrong_checksum() -> Problem:
-    """The refusal of a body that does not hash to what was said."""
-    return Problem(WRONG_CHECKSUM, "the piece came changed and was thrown away; send it again")
-
-
-def http_date(time_utc: datetime) -> str:
-    """A time as HTTP headers say it."""
-    return format_datetime(time_utc, usegmt=True)
-
-
 def _decoded(name: str, coded: str) -> str:
     try:
         return base64.b64decode(coded, validate=True).decode("utf-8")
@@ -139,10 +123,12 @@ async def append(file: Path, receive: Receive, room: Quota, checksum: Checksum |
     piece = file.with_name(file.name + PIECE)
     try:
         piece.unlink(missing_ok=True)
-        hasher = checksum.hasher()
+        hasher = hashlib.new(checksum.algorithm)
         await _write_body(piece, receive, room, hasher)
         if hasher.digest() != checksum.digest:
-            raise wrong_checksum()
+            raise Problem(
+                WRONG_CHECKSUM, "the piece came changed and was thrown away; send it again"
+            )
         await run_in_threadpool(_append_file, file, piece, room)
     finally:
         piece.unlink(missing_ok=True)

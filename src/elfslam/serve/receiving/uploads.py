@@ -6,8 +6,9 @@ disk.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime, timedelta
+from email.utils import format_datetime
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -98,14 +99,7 @@ def begin(services: Services, user: User, wanted: Wanted) -> Upload:
         open_ones = Upload.user_id == user.id, Upload.finished.is_(False)
         if count_rows(session, Upload, *open_ones) >= limits.open_uploads:
             raise Problem(409, f"{limits.open_uploads} uploads are open; end one first")
-        upload = Upload(
-            id=upload_id,
-            user_id=user.id,
-            recording_id=wanted.recording_id,
-            file_name=wanted.file_name,
-            length_bytes=wanted.length_bytes,
-            wants_map=wanted.wants_map,
-        )
+        upload = Upload(id=upload_id, user_id=user.id, **asdict(wanted))
         session.add(upload)
         session.flush()
         _check_room(services, session, upload, wanted.length_bytes or 0)
@@ -128,23 +122,22 @@ def mine(services: Services, user: User, upload_id: str) -> Upload:
         return own(session, Upload, upload_id, user, "upload")
 
 
-@dataclass(frozen=True)
-class Appended:
-    """What somebody wants to add: where, of how much in all if that was deferred, how much."""
-
-    offset_bytes: int
-    length_bytes: int | None
-    claimed_bytes: int
-
-
 def ready_to_append(
-    services: Services, user: User, upload_id: str, wanted: Appended
+    services: Services,
+    user: User,
+    upload_id: str,
+    offset_bytes: int,
+    length_bytes: int | None,
+    claimed_bytes: int,
 ) -> tuple[Upload, Quota]:
-    """An upload and the room it has. Raises Problem 404, 409, 413, 507."""
-    upload = _at_offset(services, user, upload_id, wanted.offset_bytes)
-    if wanted.length_bytes is not None:
-        _declare_length(services, upload, wanted.length_bytes)
-    return upload, room_for(services, upload, wanted.claimed_bytes)
+    """An upload that has come so far, and the room it has for so much more.
+
+    The length counts where it was deferred. Raises Problem 404, 409, 413, 507.
+    """
+    upload = _at_offset(services, user, upload_id, offset_bytes)
+    if length_bytes is not None:
+        _declare_length(services, upload, length_bytes)
+    return upload, room_for(services, upload, claimed_bytes)
 
 
 def _at_offset(services: Services, user: User, upload_id: str, offset: int) -> Upload:
@@ -185,7 +178,7 @@ def room_for(services: Services, upload: Upload, claimed_bytes: int) -> Quota:
 
 def _check_room(services: Services, session: Session, upload: Upload, more_bytes: int) -> int:
     """How many bytes fit. Raises Problem 413 or 507 where so much more does not."""
-    limits, settings = services.settings.limits, services.settings
+    settings, limits = services.settings, services.settings.limits
     come = upload_bytes(settings, upload.id)
     whole = limits.file_bytes if upload.length_bytes is None else upload.length_bytes
     left = {
@@ -220,7 +213,7 @@ def headers_of(services: Services, upload: Upload) -> dict[str, str]:
         sync(file)
     headers = {
         "Upload-Offset": str(_offset_bytes(services.settings, upload)),
-        "Upload-Expires": tus.http_date(expires_utc(services, upload)),
+        "Upload-Expires": format_datetime(expires_utc(services, upload), usegmt=True),
     }
     if is_whole(upload.file_name) and upload.recording_id:
         headers["Elfslam-Recording"] = upload.recording_id
@@ -368,13 +361,8 @@ async def append_to_upload(
     tus.check_content_type(content_type)
     checksum = tus.parse_checksum(upload_checksum)
     with services.busy.alone([upload_id]):
-        upload, room = await run_in_threadpool(
-            ready_to_append,
-            services,
-            user,
-            upload_id,
-            Appended(upload_offset, upload_length, _claimed(request)),
-        )
+        told = upload_offset, upload_length, _claimed(request)
+        upload, room = await run_in_threadpool(ready_to_append, services, user, upload_id, *told)
         await append(file_of(services.settings, upload_id), request.receive, room, checksum)
     return Response(status_code=204, headers=await _headers_when_written(services, upload))
 

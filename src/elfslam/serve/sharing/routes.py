@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import secrets
 from contextlib import suppress
-from typing import Annotated
 
 from fastapi import APIRouter, Request, Response
 from pydantic import BaseModel, Field
@@ -29,7 +28,7 @@ from elfslam.serve.store.tables import (
     User,
     UserGroup,
 )
-from elfslam.serve.texts import Line
+from elfslam.serve.texts import Id, Line
 
 router = APIRouter(tags=["sharing"], prefix="/maps/{map_id}")
 public = APIRouter(tags=["sharing"])
@@ -277,7 +276,7 @@ class GivenGroup(BaseModel):
     """What a group is to be called, and everybody who is to be in it."""
 
     name: Line
-    members: list[Annotated[str, Field(pattern=r"^[0-9a-f]{32}$")]] = Field(max_length=MOST_MEMBERS)
+    members: list[Id] = Field(max_length=MOST_MEMBERS)
 
 
 @group_router.get("", operation_id="list_groups")

@@ -16,7 +16,7 @@ from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store import blobs
 
 CHUNK_BYTES = 2**18
-ZIP = "application/zip"
+ZIP, BINARY = "application/zip", "application/octet-stream"
 
 
 @contextmanager
@@ -30,15 +30,6 @@ def unfolded(settings: ServerSettings, named: Mapping[str, str]) -> Iterator[Pat
         folder.mkdir()
         blobs.link_into(folder, settings.blobs_folder, named)
         yield folder
-
-
-@contextmanager
-def scratch_file(settings: ServerSettings, content: bytes) -> Iterator[Path]:
-    """A file with that content, for a moment."""
-    with scratch(settings) as folder:
-        file = folder / "file"
-        file.write_bytes(content)
-        yield file
 
 
 def pieces(file: IO[bytes]) -> Iterator[bytes]:

@@ -20,7 +20,7 @@ from pathlib import Path
 from sqlalchemy import select
 
 from elfslam.data.atomic_files import replaced_file
-from elfslam.serve.positions.history import forget_old_positions
+from elfslam.serve.positions.routes import forget_old_positions
 from elfslam.serve.problems import LOG, Problem
 from elfslam.serve.receiving.completing import SCRATCH
 from elfslam.serve.receiving.uploads import forget_upload
@@ -64,7 +64,9 @@ def tidy(services: Services) -> None:
 
         aside += set_aside(unnamed_blobs(settings.blobs_folder, named), settings.quarantine_folder)
         back = put_back(settings.quarantine_folder, settings.blobs_folder, named)
-        lost = _lost(settings.blobs_folder, named_blobs(session))
+        lost = sum(
+            not blob_path(settings.blobs_folder, each).is_file() for each in named_blobs(session)
+        )
     _say(services, aside, back, lost)
 
 
@@ -92,11 +94,6 @@ def _uploads_without_row(services: Services) -> list[Path]:
     with reading(services.sessions) as session:
         known = set(session.scalars(select(Upload.id).filter_by(finished=False)))
     return [file for file in services.settings.uploads_folder.iterdir() if file.name not in known]
-
-
-def _lost(folder: Path, named: set[str]) -> int:
-    """How many blobs that rows name are not there."""
-    return sum(not blobs.blob_path(folder, sha256).is_file() for sha256 in named)
 
 
 def _say(services: Services, aside: int, back: int, lost: int) -> None:

@@ -10,10 +10,10 @@ from __future__ import annotations
 import uuid
 from datetime import UTC, datetime
 from enum import StrEnum
-from typing import Any, Literal, TypedDict
+from typing import Annotated, Any, Literal, TypedDict
 
 import sqlalchemy as sa
-from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+from sqlalchemy.orm import DeclarativeBase, Mapped, MappedColumn, mapped_column
 from sqlalchemy.types import TypeDecorator
 
 
@@ -119,6 +119,16 @@ def now_utc() -> datetime:
     return datetime.now(UTC)
 
 
+def _part_of(column: str, **how: Any) -> MappedColumn[Any]:
+    """What names a row of another table, with which this row goes."""
+    return mapped_column(sa.ForeignKey(column, ondelete="CASCADE"), **how)
+
+
+UserId = Annotated[str, _part_of("users.id", index=True)]
+MapKey = Annotated[str, _part_of("maps.id", primary_key=True)]
+UserKey = Annotated[str, _part_of("users.id", primary_key=True, index=True)]
+
+
 class User(Base):
     """Someone with a pairing token, of which only the SHA-256 is kept."""
 
@@ -135,7 +145,7 @@ class Recording(Base):
 
     __tablename__ = "recordings"
     id: Mapped[str] = mapped_column(primary_key=True, default=new_id)
-    user_id: Mapped[str] = mapped_column(sa.ForeignKey("users.id", ondelete="CASCADE"), index=True)
+    user_id: Mapped[UserId]
     name: Mapped[str]
     device: Mapped[str] = mapped_column(default="unknown")
     state: Mapped[str] = mapped_column(default=RecordingState.RECEIVING)
@@ -148,9 +158,7 @@ class RecordingFile(Base):
     """One file of a recording's folder."""
 
     __tablename__ = "recording_files"
-    recording_id: Mapped[str] = mapped_column(
-        sa.ForeignKey("recordings.id", ondelete="CASCADE"), primary_key=True
-    )
+    recording_id: Mapped[str] = _part_of("recordings.id", primary_key=True)
     name: Mapped[str] = mapped_column(primary_key=True)
     sha256: Mapped[str] = mapped_column(index=True)
     size_bytes: Mapped[int] = mapped_column(sa.BigInteger)
@@ -165,10 +173,8 @@ class Upload(Base):
 
     __tablename__ = "uploads"
     id: Mapped[str] = mapped_column(primary_key=True, default=new_id)
-    user_id: Mapped[str] = mapped_column(sa.ForeignKey("users.id", ondelete="CASCADE"), index=True)
-    recording_id: Mapped[str | None] = mapped_column(
-        sa.ForeignKey("recordings.id", ondelete="CASCADE"), index=True
-    )
+    user_id: Mapped[UserId]
+    recording_id: Mapped[str | None] = _part_of("recordings.id", index=True)
     file_name: Mapped[str]
     length_bytes: Mapped[int | None] = mapped_column(sa.BigInteger, default=None)
     wants_map: Mapped[bool] = mapped_column(default=True)
@@ -184,7 +190,7 @@ class Job(Base):
 
     __tablename__ = "jobs"
     id: Mapped[str] = mapped_column(primary_key=True, default=new_id)
-    user_id: Mapped[str] = mapped_column(sa.ForeignKey("users.id", ondelete="CASCADE"), index=True)
+    user_id: Mapped[UserId]
     kind: Mapped[str]
     state: Mapped[str] = mapped_column(default=JobState.QUEUED, index=True)
     given: Mapped[dict[str, Any]] = mapped_column(default=dict)
@@ -203,9 +209,7 @@ class JobFile(Base):
     """A file that a job made and that is part of no map."""
 
     __tablename__ = "job_files"
-    job_id: Mapped[str] = mapped_column(
-        sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True
-    )
+    job_id: Mapped[str] = _part_of("jobs.id", primary_key=True)
     name: Mapped[str] = mapped_column(primary_key=True)
     sha256: Mapped[str] = mapped_column(index=True)
     size_bytes: Mapped[int] = mapped_column(sa.BigInteger)
@@ -220,7 +224,7 @@ class Map(Base):
 
     __tablename__ = "maps"
     id: Mapped[str] = mapped_column(primary_key=True, default=new_id)
-    user_id: Mapped[str] = mapped_column(sa.ForeignKey("users.id", ondelete="CASCADE"), index=True)
+    user_id: Mapped[UserId]
     name: Mapped[str]
     kind: Mapped[str]
     sources: Mapped[list[str]] = mapped_column(default=list)
@@ -235,9 +239,7 @@ class MapFile(Base):
     """One file of a map's folder."""
 
     __tablename__ = "map_files"
-    map_id: Mapped[str] = mapped_column(
-        sa.ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True
-    )
+    map_id: Mapped[MapKey]
     name: Mapped[str] = mapped_column(primary_key=True)
     sha256: Mapped[str] = mapped_column(index=True)
     size_bytes: Mapped[int] = mapped_column(sa.BigInteger)
@@ -246,8 +248,8 @@ class MapFile(Base):
 class Store(Base):
     """Which data folder's files this database names, and which key its phones trust.
 
-    One row. `id` is that of the folder (`identity.py`), `signing_key` the key's fingerprint;
-    `holder` and `beat` say who serves it (`holding.py`).
+    One row. `id` is that of the folder, `signing_key` the key's fingerprint; `holder` and `beat`
+    say who serves it (`opening.py`).
     """
 
     __tablename__ = "stores"
@@ -265,9 +267,7 @@ class MapPackage(Base):
     """
 
     __tablename__ = "map_packages"
-    map_id: Mapped[str] = mapped_column(
-        sa.ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True
-    )
+    map_id: Mapped[MapKey]
     sources_sha256: Mapped[str]
     revision: Mapped[int] = mapped_column(sa.BigInteger)
     manifest: Mapped[str]
@@ -277,9 +277,7 @@ class MapPart(Base):
     """A tile of a map's package."""
 
     __tablename__ = "map_parts"
-    map_id: Mapped[str] = mapped_column(
-        sa.ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True
-    )
+    map_id: Mapped[MapKey]
     sha256: Mapped[str] = mapped_column(primary_key=True, index=True)
     size_bytes: Mapped[int] = mapped_column(sa.BigInteger)
 
@@ -292,12 +290,8 @@ class MapShare(Base):
     """What somebody else may do to a map: `read` or `edit`."""
 
     __tablename__ = "map_shares"
-    map_id: Mapped[str] = mapped_column(
-        sa.ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True
-    )
-    user_id: Mapped[str] = mapped_column(
-        sa.ForeignKey("users.id", ondelete="CASCADE"), primary_key=True, index=True
-    )
+    map_id: Mapped[MapKey]
+    user_id: Mapped[UserKey]
     may: Mapped[Shared] = mapped_column(sa.String)
     created_utc: Mapped[datetime] = mapped_column(default=now_utc)
 
@@ -307,7 +301,7 @@ class UserGroup(Base):
 
     __tablename__ = "user_groups"
     id: Mapped[str] = mapped_column(primary_key=True, default=new_id)
-    user_id: Mapped[str] = mapped_column(sa.ForeignKey("users.id", ondelete="CASCADE"), index=True)
+    user_id: Mapped[UserId]
     name: Mapped[str]
     created_utc: Mapped[datetime] = mapped_column(default=now_utc)
 
@@ -316,24 +310,16 @@ class GroupMember(Base):
     """Somebody in a group."""
 
     __tablename__ = "group_members"
-    group_id: Mapped[str] = mapped_column(
-        sa.ForeignKey("user_groups.id", ondelete="CASCADE"), primary_key=True
-    )
-    user_id: Mapped[str] = mapped_column(
-        sa.ForeignKey("users.id", ondelete="CASCADE"), primary_key=True, index=True
-    )
+    group_id: Mapped[str] = _part_of("user_groups.id", primary_key=True)
+    user_id: Mapped[UserKey]
 
 
 class MapGroupShare(Base):
     """What all in a group may do to a map, whoever is in it at that time."""
 
     __tablename__ = "map_group_shares"
-    map_id: Mapped[str] = mapped_column(
-        sa.ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True
-    )
-    group_id: Mapped[str] = mapped_column(
-        sa.ForeignKey("user_groups.id", ondelete="CASCADE"), primary_key=True, index=True
-    )
+    map_id: Mapped[MapKey]
+    group_id: Mapped[str] = _part_of("user_groups.id", primary_key=True, index=True)
     may: Mapped[Shared] = mapped_column(sa.String)
     created_utc: Mapped[datetime] = mapped_column(default=now_utc)
 
@@ -342,9 +328,7 @@ class MapLink(Base):
     """What everyone may do to a map who has its link, the secret of which can be shown again."""
 
     __tablename__ = "map_links"
-    map_id: Mapped[str] = mapped_column(
-        sa.ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True
-    )
+    map_id: Mapped[MapKey]
     secret: Mapped[str]
     may: Mapped[Shared] = mapped_column(sa.String)
     created_utc: Mapped[datetime] = mapped_column(default=now_utc)
@@ -360,7 +344,7 @@ class KeptPosition(Base):
     __tablename__ = "positions"
     __table_args__ = (sa.Index("positions_of_user", "user_id", "time_utc"),)
     number: Mapped[int] = mapped_column(NUMBER, primary_key=True, autoincrement=True)
-    user_id: Mapped[str] = mapped_column(sa.ForeignKey("users.id", ondelete="CASCADE"))
+    user_id: Mapped[str] = _part_of("users.id")
     map_id: Mapped[str] = mapped_column(index=True)
     walk: Mapped[str]
     time_utc: Mapped[datetime] = mapped_column(index=True)
@@ -377,9 +361,7 @@ class MapPositions(Base):
     """Whether a map takes positions (without a row it does), and where on the Earth it lies."""
 
     __tablename__ = "map_positions"
-    map_id: Mapped[str] = mapped_column(
-        sa.ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True
-    )
+    map_id: Mapped[MapKey]
     is_on: Mapped[bool] = mapped_column(default=True)
     latitude_deg: Mapped[float | None] = mapped_column(default=None)
     longitude_deg: Mapped[float | None] = mapped_column(default=None)
@@ -391,7 +373,7 @@ class Webhook(Base):
 
     __tablename__ = "webhooks"
     id: Mapped[str] = mapped_column(primary_key=True, default=new_id)
-    map_id: Mapped[str] = mapped_column(sa.ForeignKey("maps.id", ondelete="CASCADE"), index=True)
+    map_id: Mapped[str] = _part_of("maps.id", index=True)
     url: Mapped[str]
     secret: Mapped[str]
     created_utc: Mapped[datetime] = mapped_column(default=now_utc)
@@ -434,9 +416,7 @@ class FloorPart(Base):
     """A file of a floor's package."""
 
     __tablename__ = "floor_parts"
-    floor: Mapped[int] = mapped_column(
-        sa.ForeignKey("floors.number", ondelete="CASCADE"), primary_key=True
-    )
+    floor: Mapped[int] = _part_of("floors.number", primary_key=True)
     sha256: Mapped[str] = mapped_column(primary_key=True, index=True)
     size_bytes: Mapped[int] = mapped_column(sa.BigInteger)
 
@@ -446,9 +426,7 @@ class FloorPoint(Base):
 
     __tablename__ = "floor_points"
     bssid: Mapped[int] = mapped_column(sa.BigInteger, primary_key=True, autoincrement=False)
-    floor: Mapped[int] = mapped_column(
-        sa.ForeignKey("floors.number", ondelete="CASCADE"), primary_key=True, index=True
-    )
+    floor: Mapped[int] = _part_of("floors.number", primary_key=True, index=True)
     level_dbm: Mapped[float] = mapped_column(sa.REAL)
     spread_db: Mapped[float] = mapped_column(sa.REAL)
     share: Mapped[float] = mapped_column(sa.REAL)

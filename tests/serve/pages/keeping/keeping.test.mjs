@@ -5,7 +5,7 @@ import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
 import {
-  forgetLink, keyIn, linkedMaps, memoryStore, pair, pinnedKey, rememberLink, trustAsGuest,
+  forgetLink, keyIn, linkedMaps, pair, pinnedKey, rememberLink, trustAsGuest,
 } from "../../../../src/elfslam/serve/pages/keeping/store.js";
 import * as refusals from "../../../../src/elfslam/serve/pages/keeping/packages.js";
 import { openPackages } from "../../../../src/elfslam/serve/pages/keeping/packages.js";
@@ -29,6 +29,19 @@ function serverIn(state, changed = {}) {
     return bytes instanceof Response ? bytes : new Response(bytes);
   };
   return { ask, asked, parts: () => asked.filter((path) => path.split("/").length === 6).length };
+}
+
+/** What the browser keeps, in memory. */
+function memoryStore() {
+  const kept = new Map();
+  let last = Promise.resolve();
+  return {
+    read: async (key) => kept.get(key),
+    names: async () => [...kept.keys()],
+    write: async (key, value) => void kept.set(key, value),
+    remove: async (keys) => keys.forEach((key) => kept.delete(key)),
+    alone: (work) => (last = last.catch(() => {}).then(work)),
+  };
 }
 
 const same = (value) => value;

@@ -6,7 +6,7 @@ import { join } from "node:path";
 import { test } from "node:test";
 
 import { checkedMap } from "../../../../src/elfslam/serve/pages/stages/floor_map.js";
-import { fixOf, meansBetween, similarity } from "../../../../src/elfslam/serve/pages/stages/locate.js";
+import { fixOf, meanOf, similarity } from "../../../../src/elfslam/serve/pages/stages/locate.js";
 import { assertNear, floats, floorMapIn, told } from "./vectors.mjs";
 
 const SCENES = readdirSync(process.env.ELFSLAM_VECTORS).map((name) => join(process.env.ELFSLAM_VECTORS, name));
@@ -23,6 +23,12 @@ function assertSameFixes(got, wanted) {
     assertNear([got[k].headingRad], [fix.headingRad], 1e-4, `heading ${k}`);
     assertNear(got[k].covarianceM2, fix.covarianceM2, 1e-4, `covariance ${k}`);
   });
+}
+
+/** Mean features between consecutive times; null where echoes are fewer than `fewest`. */
+function meansBetween(tS, vectors, edgesS, fewest) {
+  const rows = Array.from(edgesS, (edgeS) => Array.from(tS).filter((whenS) => whenS < edgeS).length);
+  return rows.slice(1).map((to, k) => (to - rows[k] >= Math.max(fewest, 1) ? meanOf(vectors, rows[k], to) : null));
 }
 
 /** A fix for every window of sound, one after the other, as elfslam locate gives them. */

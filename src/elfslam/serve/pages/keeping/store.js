@@ -28,24 +28,6 @@ export async function openStore(name = DATABASE) {
   };
 }
 
-/** The same in memory. @returns {Store} */
-export function memoryStore() {
-  const kept = new Map();
-  /** @type {Promise<unknown>} */
-  let last = Promise.resolve();
-  return {
-    read: async (key) => kept.get(key),
-    names: async () => [...kept.keys()],
-    write: async (key, value) => void kept.set(key, value),
-    remove: async (keys) => keys.forEach((key) => kept.delete(key)),
-    alone: (work) => {
-      const worked = last.catch(() => {}).then(work);
-      last = worked;
-      return worked;
-    },
-  };
-}
-
 /**
  * Ends when the change is on the disk.
  * @param {IDBDatabase} database @param {(values: IDBObjectStore) => void} change @returns {Promise<void>}
@@ -60,7 +42,7 @@ function changed(database, change) {
 }
 
 /** @template T @param {IDBRequest<T>} request @returns {Promise<T>} */
-function settled(request) {
+export function settled(request) {
   return new Promise((resolve, reject) => {
     request.onsuccess = () => resolve(request.result);
     request.onerror = () => reject(request.error);

@@ -18,6 +18,8 @@
  * }} ByteStore
  */
 
+import { settled } from "../keeping/store.js";
+
 const FOLDER = "walks";
 
 /** @returns {Promise<ByteStore | null>} null where the browser has no such file system */
@@ -198,12 +200,4 @@ function allOf(...path) {
 /** @param {string[]} names */
 function unique(names) {
   return [...new Set(names)];
-}
-
-/** @template T @param {IDBRequest<T>} request @returns {Promise<T>} */
-function settled(request) {
-  return new Promise((resolve, reject) => {
-    request.onsuccess = () => resolve(request.result);
-    request.onerror = () => reject(request.error);
-  });
 }

@@ -257,8 +257,7 @@ const KEPT = t("Everything is kept on this phone, and sending goes on by itself.
 const LONGEST_S = 15;
 
 /**
- * @typedef {{said: string, retryS: number | null, isGone: boolean}} Trouble retryS: null where trying
- *   again is of no use; isGone: the server has dropped the upload, so it begins anew
+ * @typedef {{said: string, retryS: number | null}} Trouble retryS: null where trying again is of no use
  */
 
 /**
@@ -271,12 +270,12 @@ const LONGEST_S = 15;
 export function troubleOf(status, detail, attempt, retryAfterS = NaN) {
   const backoffS = Math.min(2 ** attempt, LONGEST_S);
   /** @param {string} said @returns {Trouble} */
-  const again = (said, retryS = backoffS) => ({ said, retryS, isGone: false });
+  const again = (said, retryS = backoffS) => ({ said, retryS });
   /** @param {string} said @returns {Trouble} */
-  const final = (said) => ({ said, retryS: null, isGone: false });
+  const final = (said) => ({ said, retryS: null });
   if (status === 0) return again(`${t("No network.")} ${KEPT}`);
   if (status === 401) return final(`${NOT_PAIRED} ${t("The walk stays on this phone until then.")}`);
-  if (status === 404 || status === 410) return { said: t("The server begins anew."), retryS: backoffS, isGone: true };
+  if (status === 404 || status === 410) return again(t("The server begins anew."));
   if (status === 409 || status === 423) return again(t("The server is busy with this file."));
   if (status === 429) return again(t("The server asks to go slower."), Number.isNaN(retryAfterS) ? 5 : retryAfterS);
   if (status === 507) return again(`${t("The server's disk is full. Free some of it.")} ${KEPT}`, LONGEST_S);

@@ -22,35 +22,6 @@ export function meanOf(vectors, from, to) {
 }
 
 /**
- * Mean features between consecutive times; null where echoes are fewer than `fewest`.
- * @param {ArrayLike<number>} tS of each echo, increasing
- * @param {Float32Array} vectors (n, 128)
- * @param {ArrayLike<number>} edgesS
- * @param {number} fewest
- * @returns {(Float32Array | null)[]}
- */
-export function meansBetween(tS, vectors, edgesS, fewest) {
-  const means = [];
-  for (let k = 0; k + 1 < edgesS.length; k += 1) {
-    const from = firstAtOrAfter(tS, edgesS[k]);
-    const to = firstAtOrAfter(tS, edgesS[k + 1]);
-    means.push(to - from >= fewest && to > from ? meanOf(vectors, from, to) : null);
-  }
-  return means;
-}
-
-/** @param {ArrayLike<number>} tS @param {number} whenS */
-function firstAtOrAfter(tS, whenS) {
-  let [low, high] = [0, tS.length];
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (tS[middle] < whenS) low = middle + 1;
-    else high = middle;
-  }
-  return low;
-}
-
-/**
  * How alike each spot (m) is to a mean feature (128): the cosine of the two.
  * @param {Float32Array} mean
  * @param {import("./floor_map.js").FloorMap} floorMap

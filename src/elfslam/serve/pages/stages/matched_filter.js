@@ -83,7 +83,7 @@ export function earliest(envelope, peak, early, share) {
 
 /** @param {ArrayLike<number>} values @returns {number} NaN where there are none */
 export function median(values) {
-  const sorted = Array.from(values).sort((a, b) => a - b);
+  const sorted = Float64Array.from(values).sort();
   const middle = sorted.length >> 1;
   if (sorted.length === 0) return NaN;
   return sorted.length % 2 ? sorted[middle] : (sorted[middle - 1] + sorted[middle]) / 2;

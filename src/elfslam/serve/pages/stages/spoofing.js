@@ -2,6 +2,7 @@
 
 import { SPOOFING } from "./constants.js";
 import { marked } from "../shared/marked.js";
+import { median } from "./matched_filter.js";
 
 /** An echo belongs to the frame whose direct sound came then, within so many seconds. */
 const SAME_S = 1e-3;
@@ -217,11 +218,4 @@ export function loudnessOf(samples) {
     squares[Math.floor(k / size)] += sharp * sharp;
   }
   return squares.map((sum) => Math.sqrt(sum / size) / SHARPENED);
-}
-
-/** @param {number[]} values */
-function median(values) {
-  const sorted = Float64Array.from(values).sort();
-  const half = sorted.length >> 1;
-  return sorted.length % 2 ? sorted[half] : (sorted[half - 1] + sorted[half]) / 2;
 }

@@ -32,10 +32,9 @@ export function mountCanvas(scene, state, name, told) {
   const buttons = zoomButtons({ look: () => state, turnTo, fit: showAll });
   const stage = h("div", { class: "stage" }, canvas, buttons, scale.bar, tip, spoken);
   const context = canvas.getContext("2d");
-  let palette = paletteOf(document.documentElement);
   let calm = 0;
 
-  function paint() {
+  function paint(/** @type {ReturnType<typeof paletteOf>} */ palette) {
     context.save();
     draw(context, scene, state, palette, density());
     drawMarks(context, scene, state, palette);
@@ -114,14 +113,11 @@ export function mountCanvas(scene, state, name, told) {
 
   let first = true;
   const { redraw, leave: unmount } = mountSurface(canvas, {
-    paint,
+    paletteOf, paint,
     resized(size) {
       state.size = size;
       if (first) state.view = fit(scene.drawn_m, size);
       first = false;
-    },
-    recoloured: () => {
-      palette = paletteOf(document.documentElement);
     },
   });
   const leave = () => {

@@ -75,7 +75,7 @@ function either(legend, name, choices, chosen, choose) {
 
 /** @param {Scene} scene @param {State} state @param {() => void} changed */
 export function walkPart(scene, state, changed) {
-  const palette = paletteOf(document.documentElement);
+  const palette = paletteOf();
   const row = (/** @type {import("./scene.js").Walk} */ walk, /** @type {number} */ at) => {
     const input = h("input", { type: "checkbox", "aria-label": t("Show {{name}}", { name: walk.name }) });
     input.checked = !state.hidden.has(at);
@@ -122,7 +122,7 @@ export function locatedPart(state, changed, locate) {
 
 /** Only what is on and needs words. @param {Scene} scene @param {State} state */
 export function legendOf(scene, state) {
-  const palette = paletteOf(document.documentElement);
+  const palette = paletteOf();
   const lines = [];
   if (state.layers.coverage && scene.coverage) lines.push(coverageLegend(scene, state.coverageBy));
   if (state.layers.trajectories && state.colourBy === "time") lines.push(timeLegend(scene, palette.dark));

@@ -317,10 +317,10 @@ export function firstState(scene) {
   };
 }
 
-/** The colours of the page as they are now. @param {Element} element
+/** The colours of the page as they are now.
  * @returns {import("./draw.js").Palette & {status: Record<string, string>}} */
-export function paletteOf(element) {
-  const style = getComputedStyle(element);
+export function paletteOf() {
+  const style = getComputedStyle(document.documentElement);
   const colour = (/** @type {string} */ name) => style.getPropertyValue(name).trim();
   return {
     dark: matchMedia("(prefers-color-scheme: dark)").matches,

@@ -173,23 +173,20 @@ function mountGrowingMap() {
   const canvas = at("growing-canvas");
   /** @type {Shown} */
   const shown = { view: { x_m: 0, y_m: 0, px_per_m: 40 }, size: { width: 340, height: 220 }, sketch: null };
-  let palette = paletteOf(document.documentElement);
   const scale = makeScale();
   at("growing-stage").append(scale.bar);
   const turn = () => {
     if (shown.sketch) shown.view = fit(boundsAround(placesOf(shown.sketch.poses)), shown.size, MARGIN_PX);
   };
   const { redraw, leave } = mountSurface(canvas, {
-    paint() {
+    paletteOf,
+    paint(palette) {
       drawSketch(canvas.getContext("2d"), shown, palette, density());
       scale.show(shown.view);
     },
     resized(size) {
       shown.size = size;
       turn();
-    },
-    recoloured: () => {
-      palette = paletteOf(document.documentElement);
     },
   });
   redraw();

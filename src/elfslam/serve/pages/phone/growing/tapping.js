@@ -113,13 +113,12 @@ function mountPlanToTap(stage, plan, named, tapped) {
   const bounds = /** @type {[number, number, number, number]} */ (boundsOf(corners(plan.placement, plan.aspect)));
   const size = { width: 340, height: 260 };
   const shown = { view: fit(bounds, size, MARGIN_PX), size, plan };
-  let palette = paletteOf(document.documentElement);
   let points = named;
   /** @type {PointOfInterest | null} */
   let pin = null;
   const canvas = h("canvas", { tabindex: "0", role: "application", "aria-roledescription": t("floor plan"), "aria-label": HELP });
 
-  function paint() {
+  function paint(/** @type {import("../locating/place_map.js").Palette} */ palette) {
     const context = canvas.getContext("2d");
     context.setTransform(density(), 0, 0, density(), 0, 0);
     context.clearRect(0, 0, shown.size.width, shown.size.height);
@@ -150,13 +149,10 @@ function mountPlanToTap(stage, plan, named, tapped) {
     if (event.key === "Enter") take([shown.size.width / 2, shown.size.height / 2]);
   });
   const { redraw, leave } = mountSurface(canvas, {
-    paint,
+    paletteOf, paint,
     resized(now) {
       shown.size = now;
       shown.view = fit(bounds, now, MARGIN_PX);
-    },
-    recoloured: () => {
-      palette = paletteOf(document.documentElement);
     },
   });
   stage.replaceChildren(canvas, zoomButtons(hands));

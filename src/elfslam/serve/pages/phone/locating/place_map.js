@@ -49,10 +49,9 @@ export function mountPlaceMap(floorMap, name, { say }) {
     title: t("Follow me (F)"), click: () => setFollowing(!isFollowing) }, icon("follow"));
   const buttons = zoomButtons({ look: () => shown, turnTo: zoomTo, fit: showAll });
   const stage = h("div", { class: "stage" }, canvas, buttons, follow, scale.bar);
-  let palette = paletteOf(document.documentElement);
   let isSized = false;
 
-  function paint() {
+  function paint(/** @type {Palette} */ palette) {
     const context = canvas.getContext("2d");
     context.save();
     drawPlace(context, shown, palette, density());
@@ -115,15 +114,12 @@ export function mountPlaceMap(floorMap, name, { say }) {
     if (event.key === "f" || event.key === "F") setFollowing(!isFollowing);
   });
   const { redraw, leave } = mountSurface(canvas, {
-    paint,
+    paletteOf, paint,
     resized(now) {
       shown.size = now;
       if (!isSized) shown.view = fit(ground.bounds_m, now, MARGIN_PX);
       isSized = true;
       if (isFollowing) centre();
-    },
-    recoloured: () => {
-      palette = paletteOf(document.documentElement);
     },
   });
   /** @param {import("../../shared/map/ground.js").Plan} plan */
@@ -144,9 +140,9 @@ export function mountPlaceMap(floorMap, name, { say }) {
   return { stage, canvas, setTrail, setPlan, setPoints, setWay, leave };
 }
 
-/** The colours of the page as they are now. @param {Element} element @returns {Palette} */
-export function paletteOf(element) {
-  const style = getComputedStyle(element);
+/** The colours of the page as they are now. @returns {Palette} */
+export function paletteOf() {
+  const style = getComputedStyle(document.documentElement);
   /** @param {string} name */
   const colour = (name) => style.getPropertyValue(name).trim();
   return {

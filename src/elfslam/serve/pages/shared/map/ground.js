@@ -95,16 +95,18 @@ const BAR_PX = 140;
 const ZOOM = 1.5;
 
 /**
+ * @template P
  * @param {HTMLCanvasElement} canvas
- * @param {{paint: () => void, resized: (size: Size) => void, recoloured: () => void}} told
+ * @param {{paletteOf: () => P, paint: (palette: P) => void, resized: (size: Size) => void}} told
  * @returns {{redraw: () => void, leave: () => void}} redraw: before the next frame is shown
  */
-export function mountSurface(canvas, { paint, resized, recoloured }) {
+export function mountSurface(canvas, { paletteOf, paint, resized }) {
+  let palette = paletteOf();
   let frame = 0;
   const redraw = () => {
     frame ||= requestAnimationFrame(() => {
       frame = 0;
-      if (canvas.isConnected) paint();
+      if (canvas.isConnected) paint(palette);
     });
   };
   const sizes = new ResizeObserver(() => {
@@ -113,12 +115,12 @@ export function mountSurface(canvas, { paint, resized, recoloured }) {
     canvas.width = Math.round(width * density());
     canvas.height = Math.round(height * density());
     resized({ width, height });
-    paint();
+    paint(palette);
   });
   sizes.observe(canvas);
   const theme = matchMedia("(prefers-color-scheme: dark)");
   const recolour = () => {
-    recoloured();
+    palette = paletteOf();
     redraw();
   };
   theme.addEventListener("change", recolour);

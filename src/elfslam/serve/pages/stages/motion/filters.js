@@ -1,5 +1,6 @@
 /** Filters without delay: Butterworth sections run to and fro, running means and medians, as in scipy. */
 
+import { median } from "../matched_filter.js";
 
 /** @typedef {{b: number[], a: number[]}} Section of second order: b0 b1 b2 over 1 a1 a2; `a` without the 1 */
 
@@ -162,14 +163,6 @@ export function roundHalfEven(value) {
   const over = value - below;
   if (over !== 0.5) return Math.round(value);
   return below % 2 === 0 ? below : below + 1;
-}
-
-/** @param {ArrayLike<number>} values @returns {number} NaN where there are none */
-export function median(values) {
-  const sorted = Float64Array.from(values).sort();
-  const middle = sorted.length >> 1;
-  if (sorted.length === 0) return NaN;
-  return sorted.length % 2 ? sorted[middle] : (sorted[middle - 1] + sorted[middle]) / 2;
 }
 
 /** @param {ArrayLike<number>} values (n) @returns {Float64Array} (n-1) */

@@ -1,214 +1,150 @@
 """The schema before versions were kept; databases of that time are adopted, missing tables made."""
 
+from typing import Any
+
+import sqlalchemy as sa
 from alembic import op
-from sqlalchemy import (
-    JSON,
-    REAL,
-    BigInteger,
-    Boolean,
-    Column,
-    DateTime,
-    Double,
-    ForeignKeyConstraint,
-    Index,
-    Integer,
-    MetaData,
-    PrimaryKeyConstraint,
-    String,
-    Table,
-    Text,
-    UniqueConstraint,
-)
+from sqlalchemy import BigInteger, Boolean, Column, Double, Index, Integer, String
 
 revision, down_revision = "0001", None
 branch_labels = depends_on = None
 
-TABLES = MetaData()
-TIME = DateTime(timezone=True)
+TABLES = sa.MetaData()
+TIME = sa.DateTime(timezone=True)
 
-Table(
+
+def needed(kind: Any, *names: str) -> list[Column[Any]]:
+    """Columns of one type that every row fills."""
+    return [Column(name, kind, nullable=False) for name in names]
+
+
+def optional(kind: Any, *names: str) -> list[Column[Any]]:
+    """Columns of one type that may be empty."""
+    return [Column(name, kind) for name in names]
+
+
+def part_of(name: str, other: str, **how: Any) -> Column[Any]:
+    """What names a row of another table, with which this row goes."""
+    kind = Integer if other.endswith(".number") else String
+    return Column(name, kind, sa.ForeignKey(other, ondelete="CASCADE"), **how)
+
+
+def user() -> Column[Any]:
+    """Whose it is."""
+    return part_of("user_id", "users.id", nullable=False, index=True)
+
+
+sa.Table(
     "buildings",
     TABLES,
-    Column("number", Integer(), nullable=False),
-    Column("name", String(), nullable=False),
-    PrimaryKeyConstraint("number"),
-    UniqueConstraint("name"),
+    Column("number", Integer, primary_key=True),
+    Column("name", String, nullable=False, unique=True),
 )
-Table(
+sa.Table(
     "users",
     TABLES,
-    Column("id", String(), nullable=False),
-    Column("name", String(), nullable=False),
-    Column("token_sha256", String(), nullable=False),
-    Column("is_owner", Boolean(), nullable=False),
-    Column("created_utc", TIME, nullable=False),
-    PrimaryKeyConstraint("id"),
-    Index("ix_users_token_sha256", "token_sha256", unique=True),
+    Column("id", String, primary_key=True),
+    *needed(String, "name"),
+    Column("token_sha256", String, nullable=False, unique=True, index=True),
+    *needed(Boolean, "is_owner"),
+    *needed(TIME, "created_utc"),
 )
-Table(
+sa.Table(
     "floors",
     TABLES,
-    Column("number", Integer(), nullable=False),
-    Column("id", String(), nullable=False),
-    Column("building", Integer(), nullable=False),
-    Column("level", Integer(), nullable=False),
-    Column("latitude_deg", Double(), nullable=False),
-    Column("longitude_deg", Double(), nullable=False),
-    Column("radius_m", Double(), nullable=False),
-    Column("altitude_m", Double(), nullable=True),
-    Column("has_wifi", Boolean(), nullable=False),
-    Column("revision", BigInteger(), nullable=False),
-    Column("manifest", Text(), nullable=False),
-    Column("published_utc", TIME, nullable=False),
-    ForeignKeyConstraint(["building"], ["buildings.number"]),
-    PrimaryKeyConstraint("number"),
-    UniqueConstraint("building", "level"),
-    UniqueConstraint("id"),
+    Column("number", Integer, primary_key=True),
+    Column("id", String, nullable=False, unique=True),
+    Column("building", Integer, sa.ForeignKey("buildings.number"), nullable=False),
+    *needed(Integer, "level"),
+    *needed(Double, "latitude_deg", "longitude_deg", "radius_m"),
+    *optional(Double, "altitude_m"),
+    *needed(Boolean, "has_wifi"),
+    *needed(BigInteger, "revision"),
+    *needed(sa.Text, "manifest"),
+    *needed(TIME, "published_utc"),
+    sa.UniqueConstraint("building", "level"),
     Index("floors_by_place", "latitude_deg", "longitude_deg"),
 )
-Table(
+sa.Table(
     "jobs",
     TABLES,
-    Column("id", String(), nullable=False),
-    Column("user_id", String(), nullable=False),
-    Column("kind", String(), nullable=False),
-    Column("state", String(), nullable=False),
-    Column("given", JSON(), nullable=False),
-    Column("gave", JSON(), nullable=False),
-    Column("doing", String(), nullable=False),
-    Column("share", Double(), nullable=True),
-    Column("attempts", Integer(), nullable=False),
-    Column("claim", String(), nullable=True),
-    Column("problem", String(), nullable=True),
-    Column("created_utc", TIME, nullable=False),
-    Column("started_utc", TIME, nullable=True),
-    Column("finished_utc", TIME, nullable=True),
-    ForeignKeyConstraint(["user_id"], ["users.id"], ondelete="CASCADE"),
-    PrimaryKeyConstraint("id"),
-    Index("ix_jobs_state", "state"),
-    Index("ix_jobs_user_id", "user_id"),
+    Column("id", String, primary_key=True),
+    user(),
+    *needed(String, "kind"),
+    Column("state", String, nullable=False, index=True),
+    *needed(sa.JSON, "given", "gave"),
+    *needed(String, "doing"),
+    *optional(Double, "share"),
+    *needed(Integer, "attempts"),
+    *optional(String, "claim", "problem"),
+    *needed(TIME, "created_utc"),
+    *optional(TIME, "started_utc", "finished_utc"),
 )
-Table(
+sa.Table(
     "maps",
     TABLES,
-    Column("id", String(), nullable=False),
-    Column("user_id", String(), nullable=False),
-    Column("name", String(), nullable=False),
-    Column("kind", String(), nullable=False),
-    Column("sources", JSON(), nullable=False),
-    Column("facts", JSON(), nullable=False),
-    Column("floor_plan", JSON(), nullable=True),
-    Column("created_utc", TIME, nullable=False),
-    ForeignKeyConstraint(["user_id"], ["users.id"], ondelete="CASCADE"),
-    PrimaryKeyConstraint("id"),
-    Index("ix_maps_user_id", "user_id"),
+    Column("id", String, primary_key=True),
+    user(),
+    *needed(String, "name", "kind"),
+    *needed(sa.JSON, "sources", "facts"),
+    *optional(sa.JSON, "floor_plan"),
+    *needed(TIME, "created_utc"),
 )
-Table(
+sa.Table(
     "recordings",
     TABLES,
-    Column("id", String(), nullable=False),
-    Column("user_id", String(), nullable=False),
-    Column("name", String(), nullable=False),
-    Column("device", String(), nullable=False),
-    Column("state", String(), nullable=False),
-    Column("refusal", String(), nullable=True),
-    Column("facts", JSON(), nullable=False),
-    Column("created_utc", TIME, nullable=False),
-    ForeignKeyConstraint(["user_id"], ["users.id"], ondelete="CASCADE"),
-    PrimaryKeyConstraint("id"),
-    Index("ix_recordings_user_id", "user_id"),
+    Column("id", String, primary_key=True),
+    user(),
+    *needed(String, "name", "device", "state"),
+    *optional(String, "refusal"),
+    *needed(sa.JSON, "facts"),
+    *needed(TIME, "created_utc"),
 )
-Table(
-    "floor_parts",
-    TABLES,
-    Column("floor", Integer(), nullable=False),
-    Column("sha256", String(), nullable=False),
-    Column("size_bytes", BigInteger(), nullable=False),
-    ForeignKeyConstraint(["floor"], ["floors.number"], ondelete="CASCADE"),
-    PrimaryKeyConstraint("floor", "sha256"),
-    Index("ix_floor_parts_sha256", "sha256"),
-)
-Table(
+sa.Table(
     "floor_points",
     TABLES,
-    Column("bssid", BigInteger(), autoincrement=False, nullable=False),
-    Column("floor", Integer(), nullable=False),
-    Column("level_dbm", REAL(), nullable=False),
-    Column("spread_db", REAL(), nullable=False),
-    Column("share", REAL(), nullable=False),
-    ForeignKeyConstraint(["floor"], ["floors.number"], ondelete="CASCADE"),
-    PrimaryKeyConstraint("bssid", "floor"),
-    Index("ix_floor_points_floor", "floor"),
+    Column("bssid", BigInteger, primary_key=True, autoincrement=False),
+    part_of("floor", "floors.number", primary_key=True, index=True),
+    *needed(sa.REAL, "level_dbm", "spread_db", "share"),
 )
-Table(
-    "job_files",
-    TABLES,
-    Column("job_id", String(), nullable=False),
-    Column("name", String(), nullable=False),
-    Column("sha256", String(), nullable=False),
-    Column("size_bytes", BigInteger(), nullable=False),
-    ForeignKeyConstraint(["job_id"], ["jobs.id"], ondelete="CASCADE"),
-    PrimaryKeyConstraint("job_id", "name"),
-    Index("ix_job_files_sha256", "sha256"),
-)
-Table(
-    "map_files",
-    TABLES,
-    Column("map_id", String(), nullable=False),
-    Column("name", String(), nullable=False),
-    Column("sha256", String(), nullable=False),
-    Column("size_bytes", BigInteger(), nullable=False),
-    ForeignKeyConstraint(["map_id"], ["maps.id"], ondelete="CASCADE"),
-    PrimaryKeyConstraint("map_id", "name"),
-    Index("ix_map_files_sha256", "sha256"),
-)
-Table(
+sa.Table(
     "map_packages",
     TABLES,
-    Column("map_id", String(), nullable=False),
-    Column("sources_sha256", String(), nullable=False),
-    Column("revision", BigInteger(), nullable=False),
-    Column("manifest", String(), nullable=False),
-    ForeignKeyConstraint(["map_id"], ["maps.id"], ondelete="CASCADE"),
-    PrimaryKeyConstraint("map_id"),
+    part_of("map_id", "maps.id", primary_key=True),
+    *needed(String, "sources_sha256"),
+    *needed(BigInteger, "revision"),
+    *needed(String, "manifest"),
 )
-Table(
-    "map_parts",
-    TABLES,
-    Column("map_id", String(), nullable=False),
-    Column("sha256", String(), nullable=False),
-    Column("size_bytes", BigInteger(), nullable=False),
-    ForeignKeyConstraint(["map_id"], ["maps.id"], ondelete="CASCADE"),
-    PrimaryKeyConstraint("map_id", "sha256"),
-    Index("ix_map_parts_sha256", "sha256"),
-)
-Table(
-    "recording_files",
-    TABLES,
-    Column("recording_id", String(), nullable=False),
-    Column("name", String(), nullable=False),
-    Column("sha256", String(), nullable=False),
-    Column("size_bytes", BigInteger(), nullable=False),
-    ForeignKeyConstraint(["recording_id"], ["recordings.id"], ondelete="CASCADE"),
-    PrimaryKeyConstraint("recording_id", "name"),
-    Index("ix_recording_files_sha256", "sha256"),
-)
-Table(
+for part, name, other in (
+    ("floor_parts", "floor", "floors.number"),
+    ("map_parts", "map_id", "maps.id"),
+):
+    sa.Table(
+        part,
+        TABLES,
+        part_of(name, other, primary_key=True),
+        Column("sha256", String, primary_key=True, index=True),
+        *needed(BigInteger, "size_bytes"),
+    )
+for owner in ("job", "map", "recording"):
+    sa.Table(
+        f"{owner}_files",
+        TABLES,
+        part_of(f"{owner}_id", f"{owner}s.id", primary_key=True),
+        Column("name", String, primary_key=True),
+        Column("sha256", String, nullable=False, index=True),
+        *needed(BigInteger, "size_bytes"),
+    )
+sa.Table(
     "uploads",
     TABLES,
-    Column("id", String(), nullable=False),
-    Column("user_id", String(), nullable=False),
-    Column("recording_id", String(), nullable=True),
-    Column("file_name", String(), nullable=False),
-    Column("length_bytes", BigInteger(), nullable=True),
-    Column("wants_map", Boolean(), nullable=False),
-    Column("finished", Boolean(), nullable=False),
-    Column("created_utc", TIME, nullable=False),
-    ForeignKeyConstraint(["recording_id"], ["recordings.id"], ondelete="CASCADE"),
-    ForeignKeyConstraint(["user_id"], ["users.id"], ondelete="CASCADE"),
-    PrimaryKeyConstraint("id"),
-    Index("ix_uploads_recording_id", "recording_id"),
-    Index("ix_uploads_user_id", "user_id"),
+    Column("id", String, primary_key=True),
+    user(),
+    part_of("recording_id", "recordings.id", index=True),
+    *needed(String, "file_name"),
+    *optional(BigInteger, "length_bytes"),
+    *needed(Boolean, "wants_map", "finished"),
+    *needed(TIME, "created_utc"),
 )
 
 

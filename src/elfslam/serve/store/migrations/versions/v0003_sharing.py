@@ -1,7 +1,7 @@
 """Maps lie on floors of venues, and are shared with people and by link."""
 
 from alembic import op
-from sqlalchemy import Column, DateTime, ForeignKeyConstraint, PrimaryKeyConstraint, String
+from sqlalchemy import Column, DateTime, ForeignKey, String
 
 revision, down_revision = "0003", "0002"
 branch_labels = depends_on = None
@@ -9,25 +9,20 @@ branch_labels = depends_on = None
 
 def upgrade() -> None:
     """Maps of before lie nowhere and are shared with nobody."""
-    op.add_column("maps", Column("venue", String()))
-    op.add_column("maps", Column("floor", String()))
+    user, time = ForeignKey("users.id", ondelete="CASCADE"), DateTime(timezone=True)
+    op.add_column("maps", Column("venue", String))
+    op.add_column("maps", Column("floor", String))
     op.create_table(
         "map_shares",
-        Column("map_id", String(), nullable=False),
-        Column("user_id", String(), nullable=False),
-        Column("may", String(), nullable=False),
-        Column("created_utc", DateTime(timezone=True), nullable=False),
-        ForeignKeyConstraint(["map_id"], ["maps.id"], ondelete="CASCADE"),
-        ForeignKeyConstraint(["user_id"], ["users.id"], ondelete="CASCADE"),
-        PrimaryKeyConstraint("map_id", "user_id"),
+        Column("map_id", String, ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True),
+        Column("user_id", String, user, primary_key=True, index=True),
+        Column("may", String, nullable=False),
+        Column("created_utc", time, nullable=False),
     )
-    op.create_index("ix_map_shares_user_id", "map_shares", ["user_id"])
     op.create_table(
         "map_links",
-        Column("map_id", String(), nullable=False),
-        Column("secret", String(), nullable=False),
-        Column("may", String(), nullable=False),
-        Column("created_utc", DateTime(timezone=True), nullable=False),
-        ForeignKeyConstraint(["map_id"], ["maps.id"], ondelete="CASCADE"),
-        PrimaryKeyConstraint("map_id"),
+        Column("map_id", String, ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True),
+        Column("secret", String, nullable=False),
+        Column("may", String, nullable=False),
+        Column("created_utc", time, nullable=False),
     )
