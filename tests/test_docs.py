@@ -1,7 +1,5 @@
 """The documentation: links lead somewhere, commands exist, the page of files can be made."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

@@ -5,8 +5,6 @@ Lines of blocks tagged `sh` run one by one, `console` ones are held against what
 Of `make` only its target has to be there.
 """
 
-from __future__ import annotations
-
 import ast
 import io
 import os

@@ -1,7 +1,5 @@
 """The tables of commands and parameters that the site gets."""
 
-from __future__ import annotations
-
 import pytest
 
 from docs.hooks import (

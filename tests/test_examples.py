@@ -1,7 +1,5 @@
 """The notebooks of examples/ run, cell by cell, and what they end with is as they say."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -3,8 +3,6 @@
 `python tests/test_house.py` prints the rooms, their floors and the arrows between them.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 import subprocess

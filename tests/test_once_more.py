@@ -1,7 +1,5 @@
 """Tests that waited in vain get one more chance, alone; those that found a wrong value do not."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

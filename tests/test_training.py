@@ -1,7 +1,5 @@
 """`elfslam pretrain` by several: the same echoes whoever makes them, and refusals in one line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

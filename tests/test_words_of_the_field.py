@@ -3,8 +3,6 @@
 Searched are the pages, and the docstrings and comments of the package; `code` in them is let pass.
 """
 
-from __future__ import annotations
-
 import ast
 import io
 import re

@@ -1,7 +1,5 @@
 """Maps placed on plans from files, and plans drawn."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import json
@@ -124,7 +122,6 @@ def test_a_plan_in_degrees_says_where_its_frame_lies(tmp_path: Path) -> None:
     file = tmp_path / "plan.geojson"
     file.write_text(json.dumps(feature(polygon_of(there, (ring,)), {})))
     plan = anchor.read_plan(str(file))
-    assert plan.origin is not None
     middle = np.array([[plan.origin.longitude_deg, plan.origin.latitude_deg]])
     npt.assert_allclose(from_lon_lat(there, middle), [[3, 2]], atol=0.02)
     assert len(anchor.drawn(plan.ground).outline) >= 4

@@ -1,7 +1,5 @@
 """A walk over two floors becomes a building on disk, in which each floor is a run folder."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -37,7 +35,6 @@ JOB = MapJob((), None, "compact", Settings(), overwrite=False)
 def climbed(folder: Path, seed: int) -> Path:
     """Two rounds of the studio on one floor, two on the next."""
     recording, truth = simulate(load_world("studio"), seed=seed, rounds=4)
-    assert recording.imu is not None
     middle_s = float(recording.imu.t_s[-1] / 2)
     by = (None, LevelPassage.STAIRS, None)
     levels = Levels(np.array([0.0, middle_s, middle_s + 10]), np.array([0, np.nan, 1]), by)
@@ -61,14 +58,12 @@ def building(walk: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_whole_run_lies_at_the_top_and_each_floor_beneath(building: Path) -> None:
     whole, told = read_run(building), read_building(building)
     assert told.levels == (0, 1)
-    assert whole.visited is not None
     assert whole.visited.floors == told.floors
     assert whole.floor_map is None
     assert "level 1" in (building / "report.html").read_text()
     for level in told.levels:
         folder = floor_folder(building, level)
         part = read_run(folder)
-        assert part.floor_map is not None
         assert read_facts(folder)["level"] == level
         assert (folder / "encoder.onnx").is_file()
         rows = np.isin(whole.trajectory.t_s, part.trajectory.t_s)
@@ -96,9 +91,7 @@ def test_a_query_is_located_on_the_floor_that_it_is_on(
     """Both floors are one room here: echo by echo they can hardly be told apart."""
     fixes = locate_from(walk, building, Settings(), mode=mode)
     visited = read_run(building).visited
-    assert visited is not None
     levels = visited.levels.at(fixes.t_s)
-    assert fixes.level is not None
     assert len(fixes.t_s) > 30
     known = np.isfinite(fixes.level)
     npt.assert_array_equal(fixes.level[known], levels[known])
@@ -189,7 +182,6 @@ def test_buildings_of_walks_become_one(building: Path, walk: Path, tmp_path: Pat
         assert made.sources == ("building", "second")
         assert (floor_folder(out, level) / "report.html").is_file()
     fixes = locate_from(walk, out, Settings())
-    assert fixes.level is not None
     assert set(fixes.level[np.isfinite(fixes.level)]) == {0, 1}
     assert run(["merge", str(out), both[1], str(tmp_path / "again")]) == 2
     assert run(["merge", str(floor_folder(building, 0)), both[1], str(tmp_path / "mixed")]) == 2
@@ -199,7 +191,6 @@ def test_python_locates_in_a_run_over_several_floors(walk: Path) -> None:
     recording = elfslam.read_recording(walk)
     mapped = elfslam.map(recording, encoder="spectral")
     fixes = elfslam.locate(recording, mapped)
-    assert fixes.level is not None
     assert set(fixes.level[np.isfinite(fixes.level)]) == {0, 1}
     with pytest.raises(InputError, match="over several floors"):
         elfslam.merge([mapped, mapped])

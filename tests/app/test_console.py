@@ -1,7 +1,5 @@
 """Tables, exit codes and silence in a pipe."""
 
-from __future__ import annotations
-
 import io
 import logging
 import os

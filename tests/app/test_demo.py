@@ -1,7 +1,5 @@
 """The demonstration on one walk of its own."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`elfslam merge` and `elfslam locate` by Wi-Fi and magnetic field, on a few real walks."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable
@@ -72,7 +70,6 @@ def test_a_place_that_a_walker_named_is_in_the_map(
         place = tmp_path / "walks" / f"walk{number}"
         shutil.copytree(walks / "walks" / f"walk{number}", place)
     recording = read_recording(tmp_path / "walks" / "walk1")
-    assert recording.imu is not None
     named = Checkpoints(recording.imu.t_s[-1:], ("Way out",))
     shutil.rmtree(tmp_path / "walks" / "walk1")
     write_recording(replace(recording, checkpoints=named), tmp_path / "walks" / "walk1")

@@ -1,7 +1,5 @@
 """A recording becomes a run on disk: with its report or not at all."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable
@@ -118,14 +116,12 @@ def asleep(recording: Recording) -> Recording:
 
 def moved(recording: Recording, kept: Callable[[np.ndarray], np.ndarray]) -> Recording:
     imu = recording.imu
-    assert imu is not None
     rows = kept(imu.t_s)
     return replace(recording, imu=Imu(imu.t_s[rows], imu.accel_mps2[rows], imu.gyro_radps[rows]))
 
 
 def called(recording: Recording) -> Recording:
     """No sound for three seconds."""
-    assert recording.audio is not None
     samples = recording.audio.samples.copy()
     first, last = (round(each * 48_000) for each in HOLE_S)
     samples[:, first:last] = 0.0
@@ -160,7 +156,6 @@ def test_what_a_phone_could_record_is_mapped_and_the_rest_said(
     missing = told.get("missing", [])
     assert sorted(each["what"] for each in missing) == lacks
     assert len(run.trajectory.t_s) > 40
-    assert run.floor_map is not None
     assert len(run.floor_map.order) > 200
     report_text = (tmp_path / "run" / "report.html").read_text()
     assert ("<th>missing</th>" in report_text) == bool(lacks)
@@ -187,7 +182,6 @@ def test_spots_lie_where_the_whole_walk_has_them(heard: Recording) -> None:
     """Up to the hole nothing differs; over it there is no spot, and behind it the walk goes on."""
     whole, holed = (map_recording(each, HEARD).run for each in (heard, asleep(heard)))
     assert whole.echoes is not None
-    assert holed.echoes is not None
     before = whole.odometry.t_s < HOLE_S[0] - 2
     npt.assert_allclose(
         holed.odometry.world_from_body[: before.sum()],

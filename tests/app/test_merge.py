@@ -1,7 +1,5 @@
 """`elfslam merge` as a user meets it."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable
@@ -211,7 +209,6 @@ def test_an_encoder_learns_from_the_walks_of_the_map(
     content = (one / "encoder.onnx").read_bytes()
     assert content == (two / "encoder.onnx").read_bytes(), "same seed, same bytes"
     card = OnnxEncoder(content, "learned").card
-    assert card is not None
     assert card.finetunings[-1].outcome.startswith("floor level")
     assert read_map(one).payloads[0].encoder == OnnxEncoder(content, "learned").identity
     assert json.loads((one / "merge.json").read_text())["learned_from"] == ["there", "back"]

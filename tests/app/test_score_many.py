@@ -1,7 +1,5 @@
 """Scores of many walks at once."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Training the shipped encoder, in miniature."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -49,8 +47,6 @@ def test_the_same_seed_trains_the_same_encoder(tmp_path: Path) -> None:
     assert {file.name for file in tmp_path.glob("one*")} == {file.name for file in made.values()}
     assert made["losses.csv"].read_bytes() == (tmp_path / "two.losses.csv").read_bytes()
     card = read_card(str(made["onnx"]))
-    assert card is not None
-    assert card.pretraining is not None
     assert card.pretraining.seed == 3
     assert card.pretraining.echoes == 2 * 8 * 3
     assert card.pretraining.loss == round(loss, 3)
@@ -68,7 +64,7 @@ def test_the_components_are_fitted_on_diffuse_batches_behind_the_others(count: i
     asked: list[tuple[object, int, int]] = []
 
     def stream(pairs_of: PairsOf, first: int, last: int) -> Iterator[tuple[int, EchoPairs]]:
-        asked.append((pairs_of.keywords["engine"], first, last))  # type: ignore[attr-defined]
+        asked.append((pairs_of.keywords["engine"], first, last))
         yield from ((step, pairs_of(step)) for step in range(first, last))
 
     known = replace(SMALL, component_batches=count)
@@ -147,8 +143,6 @@ def test_a_training_that_fails_leaves_a_folder_only_for_its_checkpoint(
 
 def test_the_shipped_encoder_was_trained_as_the_defaults_say() -> None:
     card = read_card("compact")
-    assert card is not None
-    assert card.pretraining is not None
     assert card.pretraining.parameters == asdict(PretrainParameters())
     assert card.pretraining.parameters_digest == digest(PretrainParameters())
     assert card.text == ABOUT

@@ -1,7 +1,5 @@
 """What a file may claim grows with it, and ends."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Cards: into a file's metadata and back, and what is refused."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, dataclass
 

@@ -1,7 +1,5 @@
 """Names that users choose by: known ones are taken, others refused with what there is."""
 
-from __future__ import annotations
-
 import pytest
 
 from elfslam.base.enums import Modality, parse_modalities

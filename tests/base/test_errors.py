@@ -1,7 +1,5 @@
 """What an error says fits a screen, whatever it quotes."""
 
-from __future__ import annotations
-
 import pickle
 
 import pytest

@@ -1,7 +1,5 @@
 """Fixes of planted places: where weight gathers, and when nothing is said."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

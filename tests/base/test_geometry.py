@@ -1,7 +1,5 @@
 """Planar poses are a group; quaternions agree with scipy."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.testing as npt
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Ground in squares: the walked ones are free, and outlines hold exactly them."""
 
-from __future__ import annotations
-
 import tracemalloc
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Parameters: who wins, what is refused, and what the refusal says."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any

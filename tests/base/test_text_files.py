@@ -1,7 +1,5 @@
 """Text from outside is read whole or refused in one line, whatever somebody wrote into it."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

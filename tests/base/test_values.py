@@ -1,7 +1,5 @@
 """Every value of the line declares its shapes, so that a mix-up stops where it happens."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Zips from outside: what is whole comes out, what is not is refused in one line."""
 
-from __future__ import annotations
-
 import resource
 import stat
 import struct

@@ -1,7 +1,5 @@
 """A planted floor: a corridor of 36 m with access points on both sides, and walks along it."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 

@@ -1,7 +1,5 @@
 """Similarity by mains hum: planted returns, both ways, and refusals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Held-out walks in a planted floor: found from anywhere, live only by what was known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A planted floor from many walks: its angle is learned, walks astray come home, maps are read."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Generic features: unit rows, each by itself, and each blind to what it should be blind to."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Geomagnetic similarity: the warping against a naive oracle, planted fields, real walks."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

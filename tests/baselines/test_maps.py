@@ -1,7 +1,5 @@
 """Rivals are located in maps of their own kind, and refused those of another."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Places of many walks: who may be near, what their field weighs, whom each is drawn to."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Wi-Fi similarity: planted strengths, stale entries, laws of the scores, refusals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

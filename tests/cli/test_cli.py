@@ -1,7 +1,5 @@
 """The command as a user meets it: the whole line, and every bad input refused in one line."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import tarfile

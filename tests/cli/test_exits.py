@@ -1,7 +1,5 @@
 """Every command and what can be wrong with a path: one line, exit 2, nothing half-written."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

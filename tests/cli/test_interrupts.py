@@ -1,7 +1,5 @@
 """Ctrl-C ends the command with 130 and in silence, at any moment, and leaves nothing half-done."""
 
-from __future__ import annotations
-
 import os
 import random
 import signal

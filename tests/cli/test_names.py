@@ -1,7 +1,5 @@
 """Names that are not ASCII, or no text at all, and terminals that cannot show them."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Every verb that writes, and every place that is not to be written: one line, and all is kept."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A small recording with every sensor, its truth, and the run made from it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

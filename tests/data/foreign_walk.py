@@ -1,7 +1,5 @@
 """One short walk as other programs write it: what their users do to such files, one kind each."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Callable, Mapping

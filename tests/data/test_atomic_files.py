@@ -1,7 +1,5 @@
 """Nothing half-written stays, nothing else is overwritten, and what a kill left is mended."""
 
-from __future__ import annotations
-
 import errno
 import os
 from collections.abc import Callable, Iterator, Sequence
@@ -370,7 +368,7 @@ def test_a_replacement_killed_at_any_step_is_finished_or_taken_back(tmp_path: Pa
     for step in range(200):
         out = tmp_path / str(step) / "out"
         made(out, "old")
-        if survives(step, lambda out=out: made(out, "new")):  # type: ignore[misc]
+        if survives(step, lambda out=out: made(out, "new")):
             break
         [whole] = seen(settled(out))
         found.append(whole)
@@ -385,7 +383,7 @@ def test_a_replacement_killed_at_any_step_is_finished_or_taken_back(tmp_path: Pa
 def test_a_first_result_killed_at_any_step_leaves_nothing_for_ever(tmp_path: Path) -> None:
     for step in range(200):
         out = tmp_path / str(step) / "out"
-        if survives(step, lambda out=out: made(out, "new")):  # type: ignore[misc]
+        if survives(step, lambda out=out: made(out, "new")):
             break
         assert not out.exists() or seen(out) == {"new"}
         made(out, "newest")
@@ -401,7 +399,7 @@ def test_a_file_killed_at_any_step_is_old_or_new(tmp_path: Path) -> None:
     for step in range(100):
         file = tmp_path / str(step) / "file"
         write(file, "old")
-        if survives(step, lambda file=file: write(file, "new")):  # type: ignore[misc]
+        if survives(step, lambda file=file: write(file, "new")):
             break
         assert file.read_text() in ("old", "new")
         write(file, "newest")

@@ -1,7 +1,5 @@
 """Sound on disk; cut-off files are refused in test_recordings."""
 
-from __future__ import annotations
-
 import resource
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Buildings on disk: what was written is read, and what is no building is refused."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Floor plans from images and GeoJSON: walls are where they were drawn."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Metres and degrees: known arcs of the Earth, and back to the millimetre."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.testing as npt
 import pytest

@@ -1,7 +1,5 @@
 """Logs of GetSensorData, with planted values and the damage that logs have."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from pathlib import Path
 

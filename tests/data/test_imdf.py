@@ -1,7 +1,5 @@
 """IMDF archives: ours pass the rules of the standard; places that break them are told."""
 
-from __future__ import annotations
-
 import copy
 import re
 import zipfile

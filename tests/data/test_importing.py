@@ -1,7 +1,5 @@
 """Every format is known by its content, whatever the file is called, and never as another."""
 
-from __future__ import annotations
-
 import io
 import tarfile
 import zipfile

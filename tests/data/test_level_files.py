@@ -1,7 +1,5 @@
 """Levels on disk: what was written is read, and what is no level is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

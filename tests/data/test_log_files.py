@@ -1,7 +1,5 @@
 """Archives from outside: texts come out, what is hostile is refused before any does."""
 
-from __future__ import annotations
-
 import io
 import lzma
 import tarfile

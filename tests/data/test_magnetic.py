@@ -1,7 +1,5 @@
 """The magnetic walks: what the drift does, and whether the frames were understood."""
 
-from __future__ import annotations
-
 import struct
 import warnings
 import zlib

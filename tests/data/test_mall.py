@@ -1,7 +1,5 @@
 """Walks of the mall data set: planted values, damaged lines, and the real archives."""
 
-from __future__ import annotations
-
 import itertools
 import tarfile
 from pathlib import Path

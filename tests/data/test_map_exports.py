@@ -1,7 +1,5 @@
 """Maps as GeoJSON: what another reader finds is what the map says."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Arrays come back as they were written; what claims another size than it has is refused."""
 
-from __future__ import annotations
-
 import io
 import tracemalloc
 import warnings

@@ -1,7 +1,5 @@
 """Exports of phyphox, written as the app writes them, in each of its five ways."""
 
-from __future__ import annotations
-
 import re
 import zipfile
 from collections.abc import Sequence
@@ -204,7 +202,7 @@ def in_the_middle(cell: str) -> str:
         (lambda: {}, "has no columns of an accelerometer"),
     ],
 )
-def test_what_cannot_be_used_is_refused(tmp_path: Path, content, says: str) -> None:  # type: ignore[no-untyped-def]
+def test_what_cannot_be_used_is_refused(tmp_path: Path, content, says: str) -> None:
     with pytest.raises(InputError, match=says) as refusal:
         read_phyphox(export(tmp_path, content()))
     assert str(refusal.value).startswith(str(tmp_path / "walk.zip"))
@@ -235,7 +233,6 @@ def test_numbers_come_back_whatever_the_variant(
     folder = tmp_path_factory.mktemp("export")
     content = {**silent_files(variant), "Magnetometer.csv": text}
     read = read_phyphox(export(folder, content)).recording.magnetometer
-    assert read is not None
     np.testing.assert_allclose(read.t_s, t_s, atol=1e-9)
     np.testing.assert_allclose(read.field_ut, field, rtol=1e-9, atol=1e-300)
 
@@ -247,8 +244,6 @@ def test_the_experiment_holds_the_chirp_and_the_period() -> None:
     np.testing.assert_array_equal(played[: len(chirp)].astype(np.float32), chirp)
     assert not played[len(chirp) :].any()
     speaker, microphone = root.find("output/audio"), root.find("input/audio")
-    assert speaker is not None
-    assert microphone is not None
     assert len(played) / int(speaker.get("rate", 0)) == ChirpParameters().period_s
     assert speaker.get("loop") == "true"
     assert speaker.findtext("input") == "chirp"
@@ -321,6 +316,5 @@ def test_the_barometer_is_read_in_any_language(tmp_path: Path, names: tuple[str,
     written = table([(names[0], slow_s), (names[1], [0.0, 1013.25, 1013.5])])
     made = export(tmp_path, {**silent_files(), "Pressure.csv": written})
     barometer = read_phyphox(made).recording.barometer
-    assert barometer is not None
     np.testing.assert_allclose(barometer.t_s, [1, 2])
     np.testing.assert_allclose(barometer.pressure_hpa, [1013.25, 1013.5])

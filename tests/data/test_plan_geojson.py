@@ -1,7 +1,5 @@
 """Shapes of a floor: told apart by how far they reach, degrees from metres."""
 
-from __future__ import annotations
-
 import json
 import zipfile
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Plans that are no pictures are drawn as one: where a wall was, it is dark."""
 
-from __future__ import annotations
-
 import io
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Recordings on disk: round trips, and one line that names what is wrong."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import struct

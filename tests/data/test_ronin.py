@@ -1,7 +1,5 @@
 """Logs of the RoNIN recorder: one text file per sensor."""
 
-from __future__ import annotations
-
 import zipfile
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Runs on disk."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace
@@ -52,7 +50,6 @@ def test_checkpoints_lie_beside_the_run(tmp_path: Path, run: Run) -> None:
     told = Checkpoints(np.array([0.5, 1.0]), ("Door", "Desk"), np.array([[1.0, 2.0], [3.5, 4.0]]))
     write_run(replace(run, checkpoints=told), tmp_path / "run", facts=FACTS, encoder=None)
     read = read_run(tmp_path / "run").checkpoints
-    assert read is not None
     assert read.names == told.names
     np.testing.assert_array_equal(read.xy_m, told.xy_m)
 
@@ -78,11 +75,9 @@ def test_a_run_without_the_optional_parts_round_trips(tmp_path: Path, run: Run) 
 
 def test_a_run_of_an_earlier_version_is_read(folder: Path, run: Run) -> None:
     """Its echoes have a level over the noise besides."""
-    assert run.echoes is not None
     arrays = dict(np.load(folder / "echoes.npz"))
     np.savez_compressed(folder / "echoes.npz", **arrays, snr_db=np.full(30, 20.0))
     read = read_run(folder).echoes
-    assert read is not None
     np.testing.assert_array_equal(read.t_s, run.echoes.t_s)
 
 

@@ -1,7 +1,5 @@
 """Logs of Sensor Logger, as either platform writes them."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Callable

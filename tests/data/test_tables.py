@@ -1,7 +1,5 @@
 """Tables of numbers; damaged ones are refused in test_recordings."""
 
-from __future__ import annotations
-
 import itertools
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Maps in tiles: what is cut is what is put together, and a change stays where it is."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

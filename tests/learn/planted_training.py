@@ -1,7 +1,5 @@
 """A toy training."""
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 from torch import Tensor

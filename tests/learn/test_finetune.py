@@ -4,8 +4,6 @@ The toy is a walk of three rounds: every place has echoes of its own under a lou
 places share, which the pre-trained encoder has not learnt to overhear.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -150,8 +148,6 @@ def test_its_card_adds_the_fine_tuning_to_that_of_the_parent(
     encoder: OnnxEncoder, tuned: Finetuned
 ) -> None:
     parent, found = encoder.card, tuned.encoder.card
-    assert parent is not None
-    assert found is not None
     assert found.text == parent.text
     assert found.metrics == {} != parent.metrics, "figures of the parent are not its own"
     made = found.finetunings[-1]
@@ -164,10 +160,8 @@ def test_its_card_adds_the_fine_tuning_to_that_of_the_parent(
 def test_what_was_fine_tuned_twice_says_so(tuned: Finetuned, echoes: Echoes) -> None:
     """The second time nothing may be won, and then the file stays as it is."""
     first = tuned.encoder.card
-    assert first is not None
     again = finetune(tuned.encoder, echoes, replace(TOY, steps=4, check_steps=4), seed=1)
     second = again.encoder.card
-    assert second is not None
     assert second.finetunings[: len(first.finetunings)] == first.finetunings
     assert len(second.finetunings) == len(first.finetunings) + again.changed
 

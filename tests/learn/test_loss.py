@@ -1,7 +1,5 @@
 """NT-Xent against a double loop, and what the mask takes out of it."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

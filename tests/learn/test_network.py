@@ -1,7 +1,5 @@
 """The encoders' networks: the line's spectrogram inside, unit rows outside."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

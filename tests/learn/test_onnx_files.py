@@ -1,7 +1,5 @@
 """Encoders as ONNX: the same numbers, any number of rows."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pre-training: it learns, it resumes where it was, and it refuses what it cannot resume."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

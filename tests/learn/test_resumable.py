@@ -1,7 +1,5 @@
 """Batches come in order, ahead of time; the rate rises and falls."""
 
-from __future__ import annotations
-
 import pytest
 
 from elfslam.learn.resumable import prefetched, warm_cosine

@@ -1,7 +1,5 @@
 """A walk with a known truth: five rounds in a room of 10 x 6 m, dead-reckoned with drift."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

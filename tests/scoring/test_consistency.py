@@ -1,7 +1,5 @@
 """Normalised errors of displacements: two in the mean where the sigmas are right."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Errors of walks and fixes: planted answers, laws, and evo as the oracle."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 

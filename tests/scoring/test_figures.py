@@ -1,7 +1,5 @@
 """Traces hold what they should; reductions keep what matters."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Floors against the truth, with planted levels."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pages share one drawing script in a folder, or hold it where one file is wanted."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import plotly.graph_objects as go

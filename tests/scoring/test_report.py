@@ -1,7 +1,5 @@
 """Reports: self-contained, escaped, without truth unless given, whole or not at all."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from html.parser import HTMLParser

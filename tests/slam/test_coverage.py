@@ -1,7 +1,5 @@
 """Where a recording has sound and motion, and what is said to be missing: all planted."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

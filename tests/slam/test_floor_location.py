@@ -1,7 +1,5 @@
 """Which floor: votes over a whole walk where a barometer tells floors apart, else around a time."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.testing as npt
 

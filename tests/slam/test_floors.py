@@ -1,7 +1,5 @@
 """A walk over two floors: no loop closes between them, and each floor is a run of its own."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -38,14 +36,12 @@ def recording() -> Recording:
 
 @pytest.fixture(scope="module")
 def run(recording: Recording) -> Run:
-    assert recording.imu is not None
     climbed = with_stairs(recording, recording.imu.t_s[-1] / 2, 10.0)
     taps = Checkpoints(np.array([5.0, 50.0]), ("Door", "Door"))
     return map_by_echoes(replace(climbed, checkpoints=taps), load_encoder("compact"), PARAMETERS)
 
 
 def test_loops_close_on_one_floor_and_the_whole_has_no_map(run: Run) -> None:
-    assert run.visited is not None
     assert run.floor_map is None
     level = run.visited.levels.at(run.trajectory.t_s)
     assert set(level[~np.isnan(level)]) == {0, 1}
@@ -54,14 +50,12 @@ def test_loops_close_on_one_floor_and_the_whole_has_no_map(run: Run) -> None:
 
 
 def test_each_floor_is_a_run_with_a_map_in_the_frame_of_the_whole(run: Run) -> None:
-    assert run.visited is not None
     parts = floor_runs(run, PARAMETERS)
     assert list(parts) == [0, 1]
     levels = run.visited.levels
     for level, part in parts.items():
         assert part.visited is None
         assert part.floor_map is not None
-        assert part.echoes is not None
         rows = np.flatnonzero(levels.at(run.trajectory.t_s) == level)
         npt.assert_array_equal(part.trajectory.t_s, run.trajectory.t_s[rows])
         npt.assert_array_equal(

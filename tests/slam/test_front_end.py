@@ -1,7 +1,5 @@
 """What the line is given of a walk: footsteps, echoes, and one-line refusals."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from itertools import islice
@@ -108,7 +106,6 @@ def test_a_dead_first_channel_changes_nothing(
 
 
 def test_sound_that_ends_before_the_motion_keeps_its_times(recording: Recording) -> None:
-    assert recording.audio is not None
     whole = extract_echoes(recording, PARAMETERS)
     samples = recording.audio.samples[:, : -2 * 44_100]
     shorter = dataclasses.replace(recording, audio=Audio(samples, 44_100))
@@ -121,7 +118,6 @@ def test_sound_that_ends_before_the_motion_keeps_its_times(recording: Recording)
 
 def without_motion(recording: Recording, from_s: float, until_s: float) -> Recording:
     imu = recording.imu
-    assert imu is not None
     kept = (imu.t_s < from_s) | (imu.t_s > until_s)
     cut = Imu(imu.t_s[kept], imu.accel_mps2[kept], imu.gyro_radps[kept])
     return dataclasses.replace(recording, imu=cut)
@@ -137,7 +133,6 @@ def test_only_sound_that_has_motion_is_heard(recording: Recording) -> None:
 
 
 def test_sound_of_a_time_without_motion_alone_is_refused(recording: Recording) -> None:
-    assert recording.audio is not None
     samples = recording.audio.samples.copy()
     samples[:, 5 * 44_100 :] = 0.0
     early = dataclasses.replace(recording, audio=Audio(samples, 44_100, is_timed=True))
@@ -148,7 +143,6 @@ def test_sound_of_a_time_without_motion_alone_is_refused(recording: Recording) -
 @pytest.mark.parametrize("timed", [True, False], ids=["with times of its own", "counted"])
 def test_a_hole_in_the_sound_is_no_refusal(recording: Recording, timed: bool) -> None:
     """A call of which most of the walk is silent: only the sound that is there is judged."""
-    assert recording.audio is not None
     samples = recording.audio.samples.copy()
     length = samples.shape[1]
     samples[:, length // 6 : 5 * length // 6] = 0.0
@@ -163,7 +157,6 @@ def test_a_hole_in_the_sound_is_no_refusal(recording: Recording, timed: bool) ->
 
 def test_jumps_of_sound_with_times_of_its_own_are_no_losses(recording: Recording) -> None:
     """A browser that lost sound knows when the rest was heard, however early the walk ended."""
-    assert recording.audio is not None
     at, lost = 12 * 44_100 + 2_000, 1_300
     samples = np.delete(recording.audio.samples, np.s_[at : at + lost], axis=1)[:, : -3 * 44_100]
     counted = dataclasses.replace(recording, audio=Audio(samples, 44_100))

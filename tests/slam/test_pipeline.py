@@ -1,7 +1,5 @@
 """The line put together, on a simulated walk of two rounds through the studio."""
 
-from __future__ import annotations
-
 import dataclasses
 import subprocess
 import sys
@@ -95,9 +93,6 @@ def test_echoes_straighten_the_walk(run: Run, walk: tuple[Recording, Truth]) -> 
 
 def test_the_values_of_a_run_fit_together(run: Run, recording: Recording) -> None:
     nodes = len(run.odometry.t_s)
-    assert run.floor_map is not None
-    assert run.echoes is not None
-    assert run.features is not None
     npt.assert_array_equal(run.features.t_s, run.echoes.t_s)
     npt.assert_array_equal(run.trajectory.t_s, run.odometry.t_s)
     assert run.similarity.scores.shape == (nodes - 1, nodes - 1)
@@ -108,7 +103,6 @@ def test_the_values_of_a_run_fit_together(run: Run, recording: Recording) -> Non
     assert run.floor_map.sources == (recording.name,)
     assert run.floor_map.payloads[0].encoder == run.features.encoder
     assert run.name == recording.name
-    assert recording.audio is not None
     assert len(run.echoes.t_s) > 9.5 * recording.audio.samples.shape[1] / recording.audio.rate_hz
 
 
@@ -148,7 +142,6 @@ def test_fine_tuning_enters_as_a_function(recording: Recording) -> None:
     made = map_by_echoes(recording, shipped, PARAMETERS, adapt=adapt)
     assert [given for given, _ in seen] == [shipped]
     assert seen[0][1] is made.echoes
-    assert made.features is not None
     assert made.features.encoder == "tuned"
 
 
@@ -253,7 +246,6 @@ def test_a_phone_that_hears_otherwise_is_heard_as_the_maps(
     recording: Recording, run: Run, encoder: Encoder
 ) -> None:
     """An encoder whose vectors are mirrored stands for a phone: its translation mirrors back."""
-    assert run.floor_map is not None
     size = run.floor_map.payloads[0].vectors.shape[1]
     mirror = np.diag(np.where(np.arange(size) % 2, -1.0, 1.0)).astype(np.float32)
     payload = run.floor_map.payloads[0]
@@ -283,7 +275,6 @@ def test_with_footsteps_another_walk_is_located_better(
 
 def jammed(recording: Recording) -> tuple[Recording, float]:
     """A walk with noise in the chirp's band from some moment (s) on."""
-    assert recording.audio is not None
     samples = recording.audio.samples.copy()
     first = samples.shape[1] // 2
     rough = np.random.default_rng(0).standard_normal(samples.shape[1] - first)
@@ -516,7 +507,6 @@ def test_a_wrong_tap_among_right_ones_is_not_believed() -> None:
 
 def test_the_first_guess_is_the_best_rigid_fit() -> None:
     plan = on_plan(tapped([3, 13, 23]), square(), CheckpointParameters())
-    assert plan is not None
     np.testing.assert_allclose(plan.nodes.world_from_body[1:], TRUE, atol=1e-9)
     led_from, tapped_m = plan.nodes.world_from_body[0], TRUE[[3, 13, 23], :2]
     np.testing.assert_array_equal(led_from, [*np.median(tapped_m, axis=0), 0.0])

@@ -1,7 +1,5 @@
 """The scale of a walk from its sound: planted walls, laws, and honest refusals."""
 
-from __future__ import annotations
-
 from dataclasses import astuple, replace
 
 import numpy as np

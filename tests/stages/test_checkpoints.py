@@ -1,7 +1,5 @@
 """Places that were named by hand: which footsteps they tie, and what that does to a map."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

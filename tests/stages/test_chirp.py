@@ -1,7 +1,5 @@
 """The excitation stays in its band, sweeps logarithmically and fits both sampling rates."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.testing as npt
 import pytest

@@ -1,7 +1,5 @@
 """Closures by sequence: planted ridges are found, and what contradicts dead reckoning is not."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The compass on planted walks: north, the phone's own field and the building's are known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """An unknown phone: the planted translation is found, and nothing is claimed from too little."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Echoes are cut where they were planted, whatever happens to the stream."""
 
-from __future__ import annotations
-
 import dataclasses
 import tracemalloc
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Facts of each frame are those that were planted around its chirp."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.testing as npt
 import pytest

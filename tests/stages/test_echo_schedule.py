@@ -1,7 +1,5 @@
 """Chirps whose schedule is known are found where they are due, whoever else chirps."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 

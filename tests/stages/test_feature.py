@@ -1,7 +1,5 @@
 """Features: the spectrogram against a naive one, and encoders that work row by row."""
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Walks on floor plans: placed where they were, refused where that cannot be told."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

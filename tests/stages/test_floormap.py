@@ -1,7 +1,5 @@
 """A walk becomes spots: one per echo, between the footsteps where it was heard."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.testing as npt
 import pytest

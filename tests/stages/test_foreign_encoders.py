@@ -1,7 +1,5 @@
 """Encoders from others may do anything while they run: they are stopped, and said so in a line."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Floor changes from planted pressure curves; what is none; and dead reckoning on the way."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -128,7 +126,6 @@ TAPS = Checkpoints(np.array([10.0, 30.0, 45.0, 60.0]), ("Door", "Stairs", "Level
 
 def test_without_a_barometer_floors_are_those_that_were_named() -> None:
     visited = levels_by_taps(TAPS, 0.0, AS_IT_IS)
-    assert visited is not None
     assert visited.levels.t_s.tolist() == [0, 30, 45]
     assert np.array_equal(visited.levels.level, [0, np.nan, 2], equal_nan=True)
     assert visited.levels.passages == (None, STAIRS, None)
@@ -144,7 +141,6 @@ def test_taps_that_name_places_alone_name_no_floor() -> None:
 
 def test_a_floor_that_was_named_is_no_place_to_come_back_to() -> None:
     left = without_level_taps(TAPS)
-    assert left is not None
     assert (left.names, left.t_s.tolist()) == (("Door", "Door"), [10.0, 60.0])
 
 

@@ -1,7 +1,5 @@
 """Footsteps while the walk goes on: those of the whole walk, each once, as soon as it is final."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Fixes: right where the map knows the place, and honest where it does not."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Placements are found by vote and believed on evidence alone."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

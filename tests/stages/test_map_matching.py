@@ -1,7 +1,5 @@
 """A walk through corridors: walls put right what dead reckoning bends."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

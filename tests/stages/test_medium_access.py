@@ -1,7 +1,5 @@
 """Slotted medium access: whose slots are, and how others are heard, on planted sounds."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

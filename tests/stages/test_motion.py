@@ -1,7 +1,5 @@
 """Dead reckoning on planted walks: every step, turn and length is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import islice
 

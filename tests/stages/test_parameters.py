@@ -1,7 +1,5 @@
 """Every parameter of the pipeline has two bounds, and between them nothing breaks."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import re
@@ -45,8 +43,6 @@ NUMERIC = numeric()
 def short_walk() -> Recording:
     """A few footsteps with their sound."""
     walk, _ = simulate(load_world("studio"), seed=3, rounds=1)
-    assert walk.audio is not None
-    assert walk.imu is not None
     kept = walk.imu.t_s <= SECONDS
     imu = Imu(walk.imu.t_s[kept], walk.imu.accel_mps2[kept], walk.imu.gyro_radps[kept])
     rate_hz = walk.audio.rate_hz

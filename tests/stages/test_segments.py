@@ -1,7 +1,5 @@
 """Short walks are found by their shape and by what they sound like."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Frames are odd for what is planted in them, and enough of them make a stretch suspect."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

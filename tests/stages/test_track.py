@@ -1,7 +1,5 @@
 """The tracker starts anywhere, recovers, and says when it does not know."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 

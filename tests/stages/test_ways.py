@@ -1,7 +1,5 @@
 """Ways: planted corridors and floors, the laws of a shortest path, and what is not joined."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One phone in a room for the tests of echoes: where it is, what it hears, and what that says."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 import pytest

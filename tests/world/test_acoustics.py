@@ -1,7 +1,5 @@
 """Echo synthesis: planted paths at their delay and level, what hides them, and laws."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 

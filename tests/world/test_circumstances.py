@@ -1,7 +1,5 @@
 """Circumstances: each one changes what it says, reproducibly, and nothing else."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 
 import numpy as np
@@ -286,7 +284,7 @@ def test_people_are_the_recordings(world: World) -> None:
 )
 def test_impossible_circumstances_are_refused(wrong: dict[str, object], complaint: str) -> None:
     with pytest.raises(ParameterError, match=complaint) as refusal:
-        Circumstances(**wrong)  # type: ignore[arg-type]
+        Circumstances(**wrong)
     assert "\n" not in str(refusal.value)
 
 

@@ -1,7 +1,5 @@
 """Laws of acoustics by mirror images: decay by Eyring, level by distance, reciprocity."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

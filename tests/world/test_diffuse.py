@@ -1,7 +1,5 @@
 """The diffuse field at a phone: planted chains come, both ways alike, and move as paths do."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Doors: what they put into a room, and what a day makes of them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -44,7 +42,7 @@ def divided() -> Room:
 
 def door_of(**changes: object) -> doors.HingedDoor:
     door = doors.HingedDoor("door", HARD, np.array([3.0, 1.5]), np.array([3.0, 2.5]), height_m=3.0)
-    return replace(door, **changes)  # type: ignore[arg-type]
+    return replace(door, **changes)
 
 
 def outer_door() -> doors.HingedDoor:

@@ -1,7 +1,5 @@
 """Training material: two echoes per place, closer than 20 cm, cut as the line cuts them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -171,7 +169,7 @@ def test_phones_of_one_holder_are_alike(seed: int) -> None:
 def test_the_second_echo_is_heard_close_by(monkeypatch: pytest.MonkeyPatch) -> None:
     heard = []
 
-    def listen(scene, device, poses, air, engine):  # type: ignore[no-untyped-def]
+    def listen(scene, device, poses, air, engine):
         heard.append(poses)
         return room_responses(scene, device, poses, air, engine=engine)
 

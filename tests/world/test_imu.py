@@ -1,7 +1,5 @@
 """Motion sensors: gravity, turns, and the errors that the data sheet promises."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sounds in the room: how much lies in the band, how often; and a recorder's clock and limits."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

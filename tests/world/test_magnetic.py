@@ -1,7 +1,5 @@
 """The magnetic field: dipoles, a field without sources in the room, and what a phone reads."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

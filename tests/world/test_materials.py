@@ -1,7 +1,5 @@
 """Materials: laws of energy, physics that bounds the table, and sources that say what they are."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Patches of a room's surface: all of it and nothing that is covered; what rays meet."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +20,7 @@ def empty(seed: int = 3) -> Room:
 
 
 def furnished(*blocks: object) -> Room:
-    return shoebox(SIZE_M, SURFACES, blocks or (CUPBOARD,), 3)  # type: ignore[arg-type]
+    return shoebox(SIZE_M, SURFACES, blocks or (CUPBOARD,), 3)
 
 
 def met(room: Room, start: F64, way: F64) -> tuple[int, float]:

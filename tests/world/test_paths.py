@@ -1,7 +1,5 @@
 """Paths in plan, against the lattice of a rectangle and against trying every order of faces."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

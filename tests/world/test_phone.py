@@ -1,7 +1,5 @@
 """Phones in a scene: axes, ends, the same bytes by any number of threads, and their sound."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

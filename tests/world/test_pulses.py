@@ -1,7 +1,5 @@
 """What a path does to its pulse: motion, lobes, the holder's shadow and air."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

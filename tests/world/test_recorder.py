@@ -1,7 +1,5 @@
 """The stream of a recording: where every chirp stands in it, and what each circumstance adds."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -41,7 +39,7 @@ SEED = 11
 def closet(*blocks: object) -> World:
     """A muffled room of 6 by 5 m, so that the direct sound stands out."""
     felt = (replace(material("plaster"), absorption=0.99),) * 6
-    room = shoebox(np.array([6.0, 5.0, 2.6]), felt, blocks, seed=3)  # type: ignore[arg-type]
+    room = shoebox(np.array([6.0, 5.0, 2.6]), felt, blocks, seed=3)
     return World("closet", room, np.array([[1.0, 1.0], [5.0, 1.0], [5.0, 4.0], [1.0, 4.0]]))
 
 

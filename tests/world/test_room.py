@@ -1,7 +1,5 @@
 """Rooms: polygons, blocks in them, and places that are free."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Chains of scatterings: energy as radiosity has it, both ways alike, and the same again."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

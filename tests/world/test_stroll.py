@@ -1,7 +1,5 @@
 """People on a route: they stray, stop and walk back, within the free floor, as often as told."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 
@@ -36,7 +34,7 @@ WITH_PILLAR = replace(HALL, blocks=(PILLAR,))
 def person_of(seed: int = 0, **habits: float) -> Walker:
     person = random_person(np.random.default_rng(seed), 0.5)
     none = {"stops_per_min": 0.0, "ways_back_per_min": 0.0, "grips_per_min": 0.0}
-    return replace(person, **{**none, **habits})  # type: ignore[arg-type]
+    return replace(person, **{**none, **habits})
 
 
 @cache
@@ -183,7 +181,6 @@ def test_the_quietest_second_of_people_is_that_of_real_walks() -> None:
     for kind, found in quietest.items():
         for seed in range(9 if kind == "person" else 3):
             imu = simulate(world, seed, rounds=2, walker=kind, sound=False)[0].imu
-            assert imu is not None
             seconds = (imu.gyro_radps[k : k + 100] for k in range(0, len(imu.t_s) - 100, 50))
             found.append(min(float(rows.std(axis=0).mean()) for rows in seconds))
     assert np.median(quietest["person"]) == pytest.approx(0.118, rel=0.25)

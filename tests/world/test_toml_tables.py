@@ -1,7 +1,5 @@
 """Tables of a TOML file: values come out, lines are found however the file is written."""
 
-from __future__ import annotations
-
 import pytest
 
 from elfslam.base.errors import InputError

@@ -1,7 +1,5 @@
 """Ordinary phones: what they have, how long they ring, and how far echoes are above their noise."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 

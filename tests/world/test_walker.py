@@ -1,7 +1,5 @@
 """The walker: a gait that agrees with itself, and rests at both ends."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Wi-Fi: path loss, walls, shadows that stay with the place, and scans with stale entries."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -123,7 +121,6 @@ def test_shadows_stay_with_the_place() -> None:
     parameters = replace(CLEAN, shadowing_db=6.0, scan_rate_hz=5.0)
     first, again = (scans_of(motion, points, parameters, seed) for seed in (0, 1))
     elsewhere = wifi.scan(motion, points, NO_WALLS, 6, np.random.default_rng(0), parameters)
-    assert elsewhere is not None
     heard_s = [scans.t_s - scans.age_s[:, 0] for scans in (first, again)]
     shared = np.interp(heard_s[0], heard_s[1], again.rssi_dbm[:, 0]) - first.rssi_dbm[:, 0]
     assert np.abs(shared[1:-1]).mean() < 1.5

@@ -1,7 +1,5 @@
 """Children end with whoever began them, be they in the middle of a call into C or not begun."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
@@ -92,5 +90,5 @@ def test_a_worker_that_is_given_up_tidies_up(tmp_path: Path) -> None:
         found = workers.each(tidy, [str(tmp_path / "done"), str(left)])
         next(found)
         until(left.exists, "the beginning")
-        found.close()  # type: ignore[attr-defined]
+        found.close()
     assert not left.exists()

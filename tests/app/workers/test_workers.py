@@ -1,7 +1,5 @@
 """Processes and clusters: the same results as here, errors that come back, workers that die."""
 
-from __future__ import annotations
-
 import os
 import pickle
 import socket
@@ -39,7 +37,7 @@ def test_tasks_are_taken_as_they_are_needed(workers: Workers) -> None:
     taken = []
     found = workers.each(square, (taken.append(k) or k for k in count()))
     assert {next(found)[0] for _ in range(5)} <= set(range(5 + 6 * workers.count))
-    found.close()  # type: ignore[attr-defined]
+    found.close()
     assert len(taken) <= 5 + 6 * workers.count
 
 

@@ -1,7 +1,5 @@
 """Planted walks: a place is a smooth random field of features over position and heading."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

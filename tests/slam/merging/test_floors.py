@@ -1,7 +1,5 @@
 """Walks over the same two floors, planted: one counts from below, the other from above."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -70,7 +68,6 @@ def test_whose_levels_count_from_elsewhere_is_numbered_by_the_sound() -> None:
     )
     assert floors(DOWN)[0].level == -1
     assert [each.level for each in numbered[1]] == [0, 1]
-    assert walks[1].levels is not None
     npt.assert_array_equal(walks[1].levels.level, [1, np.nan, 0])
 
 
@@ -86,7 +83,6 @@ def test_nothing_links_two_floors() -> None:
     links = links_between(*sides, KNOWN)
     assert len(links.i) > 20
     assert (sides[0].level[links.i] == sides[1].level[links.j]).all()
-    assert other.levels is not None
     elsewhere = replace(other.levels, level=other.levels.level + 1)
     moved = links_between(sides[0], side_of(replace(other, levels=elsewhere), KNOWN), KNOWN)
     assert len(moved.i) < len(links.i) / 2

@@ -1,7 +1,5 @@
 """What newer walks pass fades; what they no longer know is marked."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

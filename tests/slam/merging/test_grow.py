@@ -1,7 +1,5 @@
 """Walks become a map, and a map takes in more."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 

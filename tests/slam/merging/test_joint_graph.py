@@ -1,7 +1,5 @@
 """One graph over several walks: bent walks come to lie on each other."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Walks and maps as merging sees them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

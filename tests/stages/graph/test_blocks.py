@@ -1,7 +1,5 @@
 """Sparse block factorisation against dense algebra."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.testing as npt
 import pytest

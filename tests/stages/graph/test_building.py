@@ -1,7 +1,5 @@
 """Pose graph construction: every step and closure an edge, and a first guess from nothing."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.testing as npt
 import pytest

@@ -1,7 +1,5 @@
 """Outlier rejection of closures: pairwise consistency, order, single ones, further senses."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pose graph optimisation: loops close, outliers are rejected, covariances are honest."""
 
-from __future__ import annotations
-
 import dataclasses
 import subprocess
 import sys

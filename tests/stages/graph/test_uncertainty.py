@@ -1,7 +1,5 @@
 """Marginal covariances against GTSAM and chance; variance components and verdicts as planted."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import gtsam
@@ -229,7 +227,6 @@ def test_the_verdict_counts_who_agrees() -> None:
     stated = dataclasses.replace(PARAMETERS, noise_rounds=0)
     solved = optimise(attacked, np.arange(len(graph.initial)), stated)
     verdict, true = solved.verdict, len(closing) - len(wrong)
-    assert verdict is not None
     assert verdict.believed + verdict.rejected == len(closing)
     assert verdict.believed >= 0.95 * true
     assert verdict.believed_agreeing / verdict.believed > 0.97
