@@ -121,12 +121,6 @@ def test_the_pipeline_runs_or_refuses_at_its_bounds(ends: dict[str, str]) -> Non
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        (["echo.slack_s=0.2"], r"echo.slack_s: wanted a finite value from 0.0 to"),
-        (["echo.early_s=0.2"], r"echo.early_s: wanted a finite value from 0.0 to"),
-        (["graph.anchor_sigma=1e300"], r"graph.anchor_sigma: wanted a finite value from"),
-        (["graph.iterations=1000000000000"], r"graph.iterations: wanted a finite value from"),
-        (["motion.heading_sigma_rad=0.0"], r"motion.heading_sigma_rad: wanted a finite value"),
-        (["motion.bounce_window_s=1e12"], r"motion.bounce_window_s: wanted a finite value"),
         (["echo.slack_s=0.02", "echo.early_s=0.02", "chirp.period_s=0.08"], r"less than half of"),
         (["chirp.fade_s=0.006"], r"chirp.fade_s: wanted at most half of duration_s \(0.01 s\)"),
         (["chirp.band_low_hz=21000"], r"chirp.band_high_hz: wanted more than band_low_hz"),
