@@ -14,14 +14,7 @@ import torch
 
 from elfslam.base.errors import ParameterError, StoreError
 from elfslam.base.values import ECHO_SAMPLES
-from elfslam.learn.floor_level import (
-    EchoesOf,
-    FloorLevel,
-    FloorNetwork,
-    batch_loss,
-    floor_elfs,
-    learn_floor,
-)
+from elfslam.learn import floor_level
 from elfslam.learn.loss import spot_contrast
 from elfslam.learn.onnx_files import network_of
 from elfslam.learn.parameters import FloorLevelParameters
@@ -37,7 +30,6 @@ TOY = FloorLevelParameters(
 
 def shipped() -> OnnxEncoder:
     encoder = load_encoder("compact")
-    assert isinstance(encoder, OnnxEncoder)
     return encoder
 
 
@@ -58,10 +50,10 @@ def learnt(
     parameters: FloorLevelParameters = TOY,
     *,
     seed: int = 0,
-    echoes_of: EchoesOf = toy_echoes,
+    echoes_of: floor_level.EchoesOf = toy_echoes,
     report: Callable[[TrainingStep], None] = lambda progress: None,
-) -> FloorLevel:
-    return learn_floor(
+) -> floor_level.FloorLevel:
+    return floor_level.learn_floor(
         shipped(), SPOTS_M, echoes_of, parameters,
         seed=seed, checkpoint=folder / "floor.checkpoint", report=report,
     )  # fmt: skip
@@ -69,7 +61,7 @@ def learnt(
 
 def named_rightly(encoder: OnnxEncoder) -> float:
     """Share of echoes that training never heard whose nearest floor-level ELF is of their spot."""
-    spots = floor_elfs(encoder, SPOTS_M, (toy_echoes(step) for step in range(100, 106)))
+    spots = floor_level.floor_elfs(encoder, SPOTS_M, (toy_echoes(step) for step in range(100, 106)))
     asked = toy_echoes(200, count=100)
     best = (encoder.embed(asked.samples) @ spots.T).argmax(axis=1)
     return float((SPOTS_M[best, 0] == asked.xy_m[:, 0]).mean())
@@ -138,7 +130,7 @@ def test_the_card_says_that_a_floor_was_learnt(tmp_path: Path) -> None:
 def test_the_loss_of_a_batch_is_that_of_its_cosines() -> None:
     draw = np.random.default_rng(0)
     spots = draw.standard_normal((len(SPOTS_M), 128)).astype(np.float32)
-    network = FloorNetwork(network_of(shipped().content).eval(), spots)
+    network = floor_level.FloorNetwork(network_of(shipped().content).eval(), spots)
     batch = toy_echoes(0)
     unit = spots / np.linalg.norm(spots, axis=1, keepdims=True)
     logits = shipped().embed(batch.samples) @ unit.T / TOY.temperature
@@ -147,7 +139,7 @@ def test_the_loss_of_a_batch_is_that_of_its_cosines() -> None:
     wanted /= wanted.sum(axis=1, keepdims=True)
     log_share = logits - np.log(np.exp(logits).sum(axis=1, keepdims=True))
     by_hand = -(wanted * log_share).sum(axis=1).mean()
-    loss = batch_loss(network, SPOTS_M, batch, TOY).detach()
+    loss = floor_level.batch_loss(network, SPOTS_M, batch, TOY).detach()
     assert float(loss) == pytest.approx(by_hand, rel=1e-4)
 
 
@@ -164,5 +156,5 @@ def test_the_spots_lose_what_the_echoes_of_a_walk_have_in_common() -> None:
     encoder = load_encoder("compact")
     walks = [toy_echoes(step) for step in (100, 101)]
     heard = [(w.xy_m, w.heading_rad, mean_normalised(encoder.embed(w.samples))) for w in walks]
-    found = floor_elfs(encoder, SPOTS_M, walks)
+    found = floor_level.floor_elfs(encoder, SPOTS_M, walks)
     np.testing.assert_allclose(found, spot_means(SPOTS_M, heard), atol=1e-6)

@@ -6,16 +6,9 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
+from elfslam.base import values
 from elfslam.base.building import BuildingFloor
 from elfslam.base.errors import InputError
-from elfslam.base.values import (
-    NO_CLOSURES,
-    Features,
-    LevelPassage,
-    Levels,
-    Odometry,
-    Trajectory,
-)
 from elfslam.slam.merging import MappedWalk, MergeParameters, merge
 from elfslam.slam.merging.floors import merged_building, merged_floors, numbered_alike
 from elfslam.slam.merging.members import links_between, side_of
@@ -41,16 +34,16 @@ def walk(name: str, *plan: int) -> MappedWalk:
     when = [(k * LAP * 0.5, float(floor - plan[0]), None) for k, floor in enumerate(plan)]
     rows = [when[0]]
     for at_s, level, _ in when[1:]:
-        rows += [(at_s - 1.0, np.nan, LevelPassage.STAIRS), (at_s + 1.0, level, None)]
+        rows += [(at_s - 1.0, np.nan, values.LevelPassage.STAIRS), (at_s + 1.0, level, None)]
     at_s, level, by = zip(*rows, strict=True)
     covariance = np.tile(np.eye(3) * 1e-4, (len(t_s), 1, 1))
     return MappedWalk(
         name,
-        Odometry(t_s, poses, np.tile([0.02, 0.02, 0.005], (len(t_s) - 1, 1))),
-        Trajectory(t_s, poses, covariance, np.zeros(0), "OK"),
-        NO_CLOSURES,
-        Features(heard_s, vectors, "planted"),
-        levels=Levels(np.array(at_s), np.array(level), by),
+        values.Odometry(t_s, poses, np.tile([0.02, 0.02, 0.005], (len(t_s) - 1, 1))),
+        values.Trajectory(t_s, poses, covariance, np.zeros(0), "OK"),
+        values.NO_CLOSURES,
+        values.Features(heard_s, vectors, "planted"),
+        levels=values.Levels(np.array(at_s), np.array(level), by),
     )
 
 
@@ -63,9 +56,8 @@ UP, DOWN = (0, 1), (1, 0)
 
 
 def test_whose_levels_count_from_elsewhere_is_numbered_by_the_sound() -> None:
-    walks, numbered = numbered_alike(
-        [walk("one", *UP), walk("other", *DOWN)], [floors(UP), floors(DOWN)], KNOWN
-    )
+    both = [walk("one", *UP), walk("other", *DOWN)]
+    walks, numbered = numbered_alike(both, [floors(UP), floors(DOWN)], KNOWN)
     assert floors(DOWN)[0].level == -1
     assert [each.level for each in numbered[1]] == [0, 1]
     npt.assert_array_equal(walks[1].levels.level, [1, np.nan, 0])
@@ -105,4 +97,4 @@ def test_walks_are_one_building_with_a_map_a_floor() -> None:
         assert there.sum() == pytest.approx(LAP * ECHOES, rel=0.1), level
     building = merged_building("hall", walks, trajectories, numbered, [0, 1])
     assert [each.height_m for each in building.floors] == [0, 4]
-    assert {each.kind for each in building.passages} == {LevelPassage.STAIRS}
+    assert {each.kind for each in building.passages} == {values.LevelPassage.STAIRS}
