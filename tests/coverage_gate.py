@@ -5,11 +5,7 @@ import sys
 from pathlib import Path
 
 LEAST_PERCENT = 95.0
-CORE = (
-    "elfslam/base/",
-    "elfslam/stages/",
-    "elfslam/slam/",
-)
+CORE = ("elfslam/base/", "elfslam/stages/", "elfslam/slam/")
 
 
 def core_coverage(report: dict) -> float:
