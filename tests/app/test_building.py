@@ -67,9 +67,8 @@ def test_the_whole_run_lies_at_the_top_and_each_floor_beneath(building: Path) ->
         assert read_facts(folder)["level"] == level
         assert (folder / "encoder.onnx").is_file()
         rows = np.isin(whole.trajectory.t_s, part.trajectory.t_s)
-        npt.assert_allclose(
-            part.trajectory.world_from_body, whole.trajectory.world_from_body[rows], atol=1e-6
-        )
+        poses = whole.trajectory.world_from_body[rows]
+        npt.assert_allclose(part.trajectory.world_from_body, poses, atol=1e-6)
         npt.assert_array_equal(read_map(folder).xy_m, part.floor_map.xy_m)
 
 
@@ -85,9 +84,7 @@ def test_one_of_many_recordings_may_be_a_building(walk: Path, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("mode", list(Mode))
-def test_a_query_is_located_on_the_floor_that_it_is_on(
-    building: Path, walk: Path, mode: Mode
-) -> None:
+def test_a_query_is_located_on_its_own_floor(building: Path, walk: Path, mode: Mode) -> None:
     """Both floors are one room here: echo by echo they can hardly be told apart."""
     fixes = locate_from(walk, building, Settings(), mode=mode)
     visited = read_run(building).visited
@@ -106,9 +103,8 @@ def test_other_senses_than_echoes_are_refused(building: Path, walk: Path) -> Non
         locate_from(walk, building, Settings(), by=[Modality.WIFI])
 
 
-TOLD = ExportContext(
-    Origin(47.0, 8.0), Venue("Tower", "hotel", "Hauptstrasse 1", "Bern", "CH", "Ground floor", 0)
-)
+VENUE = Venue("Tower", "hotel", "Hauptstrasse 1", "Bern", "CH", "Ground floor", 0)
+TOLD = ExportContext(Origin(47.0, 8.0), VENUE)
 
 
 def test_its_levels_are_one_archive_of_imdf(building: Path, tmp_path: Path) -> None:
@@ -122,9 +118,7 @@ def test_its_levels_are_one_archive_of_imdf(building: Path, tmp_path: Path) -> N
     assert [each["properties"]["category"] for each in amenities] == ["stairs", "stairs"]
 
 
-def test_geojson_states_levels_and_its_levels_are_read_again(
-    building: Path, tmp_path: Path
-) -> None:
+def test_geojson_states_levels_that_are_read_again(building: Path, tmp_path: Path) -> None:
     file = tmp_path / "tower.geojson"
     export(building, file, Format.GEOJSON, TOLD)
     features = json.loads(file.read_text())["features"]

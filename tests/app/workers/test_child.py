@@ -43,9 +43,7 @@ def alive(processes: list[str]) -> list[str]:
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM], ids=["SIGKILL", "SIGTERM"])
 @pytest.mark.parametrize(("each", "task"), [EACH, IN_ORDER, DEAF])
-def test_workers_end_with_their_driver(
-    each: str, task: str, number: signal.Signals, tmp_path: Path
-) -> None:
+def test_workers_end_with_it(each: str, task: str, number: signal.Signals, tmp_path: Path) -> None:
     """Who goes on would begin the same units again while they still work on them."""
     script = tmp_path / "driver.py"
     script.write_text(DRIVER.format(each=each, task=task))

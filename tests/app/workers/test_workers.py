@@ -12,14 +12,8 @@ from typing import Any
 import pytest
 from planted_work import die, die_once, process, refuse, square, threads
 
-from elfslam.app.workers import (
-    Workers,
-    check_on,
-    open_workers,
-    silent_elsewhere,
-    unit_key,
-    why_away,
-)
+from elfslam.app import workers as pools
+from elfslam.app.workers import Workers, open_workers, silent_elsewhere, unit_key, why_away
 from elfslam.base.errors import InputError, WorkerError
 
 pytestmark = pytest.mark.real
@@ -90,7 +84,7 @@ def test_a_cluster_that_is_not_there_is_refused() -> None:
 )
 def test_who_is_nobody_is_refused_of_choosing(on: str) -> None:
     with pytest.raises(InputError, match=r"wanted a number of processes, ray or ray://") as said:
-        check_on(on)
+        pools.check_on(on)
     assert "hunter2" not in str(said.value)
 
 
