@@ -148,9 +148,7 @@ def test_what_nobody_measures_is_named_before_it_is_squared(field: str, far: flo
         ([[1e-4, 0.0], [0.0, -1e-6]], "not positive"),
     ],
 )
-def test_a_matrix_that_is_no_covariance_is_named_with_its_row(
-    spread: list[list[float]], why: str
-) -> None:
+def test_what_is_no_covariance_is_named_with_its_row(spread: list[list[float]], why: str) -> None:
     nobody = np.full((2, 2), np.nan)
     given = np.array([nobody, np.eye(2), spread, np.eye(2)])
     with pytest.raises(InputError, match=rf"Walk.spread: row 2 is no covariance, as it is {why}"):

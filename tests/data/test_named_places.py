@@ -1,5 +1,6 @@
 """points_of_interest.csv: written and read back, and refused where it cannot be meant."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,13 @@ import pytest
 from elfslam.base.errors import InputError
 from elfslam.base.values import Checkpoints, PointKind, PointOfInterest
 from elfslam.data import named_places
+
+
+def refusal(read: Callable[[Path], object], folder: Path) -> str:
+    with pytest.raises(InputError) as refused:
+        read(folder)
+    assert "\n" not in str(refused.value)
+    return str(refused.value)
 
 
 def test_points_come_back_as_they_were(tmp_path: Path) -> None:
@@ -38,10 +46,7 @@ def test_a_map_without_them_has_none(tmp_path: Path) -> None:
 )
 def test_what_cannot_be_meant_is_refused(tmp_path: Path, row: str, said: str) -> None:
     (tmp_path / named_places.POINTS_OF_INTEREST).write_text(f"name,kind,x_m,y_m\n{row}\n")
-    with pytest.raises(InputError) as refusal:
-        named_places.read_points(tmp_path)
-    assert said in str(refusal.value)
-    assert "\n" not in str(refusal.value)
+    assert said in refusal(named_places.read_points, tmp_path)
 
 
 def test_names_come_back_as_they_were(tmp_path: Path) -> None:
@@ -97,11 +102,6 @@ def test_they_are_in_order_of_time_whoever_wrote_them(tmp_path: Path) -> None:
         ("", "is empty"),
     ],
 )
-def test_what_cannot_be_meant_is_refused_of_checkpoint_files(
-    tmp_path: Path, text: str, said: str
-) -> None:
+def test_checkpoints_that_cannot_be_meant_are_refused(tmp_path: Path, text: str, said: str) -> None:
     (tmp_path / named_places.CHECKPOINTS).write_text(text)
-    with pytest.raises(InputError) as refusal:
-        named_places.read_checkpoints(tmp_path)
-    assert said in str(refusal.value)
-    assert "\n" not in str(refusal.value)
+    assert said in refusal(named_places.read_checkpoints, tmp_path)

@@ -40,9 +40,7 @@ def table(columns: Sequence[Column], variant: Variant = COMMA) -> str:
     separator, point = variant
     rows = max(len(values) for _, values in columns)
     padded = [[*values, *[np.nan] * (rows - len(values))] for _, values in columns]
-    lines = [
-        separator.join(number(cell, point) for cell in row) for row in zip(*padded, strict=True)
-    ]
+    lines = [separator.join(number(at, point) for at in row) for row in zip(*padded, strict=True)]
     return "\n".join([separator.join(f'"{name}"' for name, _ in columns), *lines]) + "\n"
 
 
@@ -98,11 +96,8 @@ def played_in_a_room(seconds: float) -> np.ndarray:
 
 
 def waveform(experiment: bytes) -> np.ndarray:
-    container = next(
-        each
-        for each in ElementTree.fromstring(experiment).iter("container")
-        if each.text == "chirp"
-    )
+    every = ElementTree.fromstring(experiment).iter("container")
+    container = next(each for each in every if each.text == "chirp")
     return np.array([float(cell) for cell in container.get("init", "").split(",")])
 
 
@@ -149,13 +144,9 @@ def test_the_chirps_of_the_experiment_are_heard_in_its_export(tmp_path: Path) ->
 )
 def test_exports_of_other_experiments_are_read(tmp_path: Path, names: tuple[str, str]) -> None:
     content = {}
-    for file, name, value in zip(
-        ("Raw Data", "Turn"), names, (9.81 * UP, np.zeros(3)), strict=True
-    ):
+    for file, name, value in zip(("Raw Data", "Turn"), names, (9.81 * UP, 0 * UP), strict=True):
         quantity, axis = re.fullmatch(r"(.*)\b[xX](.*)", name).groups()
-        columns = [
-            (f"{quantity}{each}{axis}", np.full(60, value[k])) for k, each in enumerate("xyz")
-        ]
+        columns = [(f"{quantity}{x}{axis}", np.full(60, value[k])) for k, x in enumerate("xyz")]
         content[f"{file}.csv"] = table([("Time (s)", T_S), *columns, ("Absolute", T_S)])
     recording = read_phyphox(export(tmp_path, content)).recording
     np.testing.assert_allclose(recording.imu.accel_mps2[0], 9.81 * UP, rtol=1e-6)
@@ -226,9 +217,7 @@ def test_numbers_come_back_whatever_the_variant(
     """What is written with nine decimals is read with nine; NaN at the end is left out."""
     field = np.array(values)
     t_s = np.arange(len(field)) * 0.1
-    axes = [
-        (f"Field {axis} (µT)", [*field[:, k], *[np.nan] * lacking]) for k, axis in enumerate("xyz")
-    ]
+    axes = [(f"Field {x} (µT)", [*field[:, k], *[np.nan] * lacking]) for k, x in enumerate("xyz")]
     text = table([("Time (s)", [*t_s, *[9.0] * lacking]), *axes], variant)
     folder = tmp_path_factory.mktemp("export")
     content = {**silent_files(variant), "Magnetometer.csv": text}
@@ -286,13 +275,9 @@ def test_gravity_is_told_by_the_data_in_any_language(tmp_path: Path, language: s
     meant = stepping(9.81 * UP)
     content = silent_files()
     del content["Accelerometer.csv"]
-    for file, quantity, values in (
-        (f"A {linear}", linear, stepping(np.zeros(3))),
-        (with_it, whole, meant),
-    ):
-        columns = [
-            (f"{quantity}{between}{axis} (m/s²)", values[:, k]) for k, axis in enumerate("xyz")
-        ]
+    both = ((f"A {linear}", linear, stepping(np.zeros(3))), (with_it, whole, meant))
+    for file, quantity, values in both:
+        columns = [(f"{quantity}{between}{x} (m/s²)", values[:, k]) for k, x in enumerate("xyz")]
         content[f"{file}.csv"] = table([(time, T_S), *columns])
     imu = read_phyphox(export(tmp_path, content)).recording.imu
     np.testing.assert_allclose(imu.accel_mps2, meant, atol=1e-6)
