@@ -1,7 +1,5 @@
 """WCAG 2.2 (A and AA) and good practice on a page, by axe-core in the browser."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Which tests need real parts, and the recordings by other people, where they are available."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 All of them are valid files of their kind; each maker takes how bad it is to be.
 """
 
-from __future__ import annotations
-
 import json
 import struct
 import zlib

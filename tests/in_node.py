@@ -1,7 +1,5 @@
 """Page modules run by node."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
@@ -28,6 +26,6 @@ def passed_in_node(file: Path, **environment: object) -> int:
     done = run_node("--test", file, **environment)
     assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
     assert "# fail 0" in done.stdout
-    passed = int(re.search(r"^# pass (\d+)$", done.stdout, re.M)[1])  # type: ignore[index]
+    passed = int(re.search(r"^# pass (\d+)$", done.stdout, re.M)[1])
     assert passed > 0, f"{file}: no test ran"
     return passed

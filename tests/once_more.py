@@ -5,8 +5,6 @@ exceptions of time is given one more chance, once all others have ended, and the
 One that failed by an assertion is not.
 """
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,6 +1,4 @@
-"""The documentation: links lead somewhere, commands exist, the page of files can be made."""
-
-from __future__ import annotations
+"""The documentation: links lead somewhere, commands exist, its pages of tables can be made."""
 
 import ast
 import re
@@ -11,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from docs import hooks
 from elfslam.app.settings import Settings
 from elfslam.base.parameters import rows
 from elfslam.cli.app import VERBS, command_of
@@ -89,13 +88,10 @@ def unknown_commands(text: str) -> Iterator[str]:
 
 
 def unknown_options(verb: str, line: str) -> Iterator[str]:
-    named = {
-        name for each in command_of(verb).params for name in (*each.opts, *each.secondary_opts)
-    }
+    named = {name for at in command_of(verb).params for name in (*at.opts, *at.secondary_opts)}
     words = line[line.index(f"elfslam {verb}") :]
-    yield from (
-        f"{verb} {name}" for name in OPTION.findall(words) if name not in {*named, "--help"}
-    )
+    named |= {"--help"}
+    yield from (f"{verb} {name}" for name in OPTION.findall(words) if name not in named)
 
 
 def unknown_parameters(text: str) -> Iterator[str]:
@@ -182,11 +178,8 @@ def test_every_page_is_in_the_navigation() -> None:
 
 def test_the_code_names_pages_that_are_there() -> None:
     files = [file for room in ("src/elfslam", "studies") for file in (ROOT / room).rglob("*.py")]
-    named = {
-        page
-        for file in files
-        for page in re.findall(r"docs/[\w/-]+\.md", file.read_text(encoding="utf-8"))
-    }
+    texts = [file.read_text(encoding="utf-8") for file in files]
+    named = {page for text in texts for page in re.findall(r"docs/[\w/-]+\.md", text)}
     assert [page for page in sorted(named) if not (ROOT / page).exists()] == []
 
 
@@ -198,9 +191,8 @@ def test_the_readme_is_short() -> None:
 
 def test_the_readme_has_no_typed_result() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    text = FENCE.sub(
-        "", re.sub(r"<!-- (summary|figure|results).*?<!-- /\1 -->", "", text, flags=re.S)
-    )
+    text = re.sub(r"<!-- (summary|figure|results).*?<!-- /\1 -->", "", text, flags=re.S)
+    text = FENCE.sub("", text)
     assert set(re.findall(r"\d+\.\d+", text)) <= README_DECIMALS
 
 
@@ -217,3 +209,38 @@ def test_the_readme_has_no_typed_result() -> None:
 )
 def test_the_gate_notices_commands(text: str, found: list[str]) -> None:
     assert list(unknown_commands(text)) == found
+
+
+REFERENCE = ROOT / "docs" / "reference"
+
+
+def test_every_verb_has_a_section() -> None:
+    page = hooks.on_page_markdown((REFERENCE / "commands.md").read_text())
+    assert [verb for verb in VERBS if f"\n## {verb}\n" not in page] == []
+    assert hooks.COMMANDS not in page
+
+
+def test_a_verb_tells_arguments_options_and_defaults() -> None:
+    section = hooks.command_section("locate")
+    assert "elfslam locate RECORDING MAP OUT.csv [OPTIONS]" in section
+    assert "| `--seed` | Of the tracker's draws. Default: `0`. |" in section
+    assert "Default: ``" not in section
+
+
+def test_parameters_stand_by_group_with_value_and_unit() -> None:
+    page = hooks.on_page_markdown((REFERENCE / "parameters.md").read_text())
+    chirp = page.partition("\n## chirp\n")[2].partition("\n## ")[0]
+    assert "| `band_low_hz` | 15000.0 | Hz | lower end of the band |" in chirp
+    assert hooks.PARAMETERS not in page
+
+
+def test_studies_stand_with_their_question_and_minutes() -> None:
+    assert hooks.STUDY_TABLE in (ROOT / "docs" / "how-to" / "studies.md").read_text()
+    table = hooks.study_table(["mapping"])
+    assert len(table.splitlines()) == 3
+    assert "| `mapping` | How far off are maps, by method, in the paper's three places? | " in table
+
+
+@pytest.mark.parametrize("text", ["", "# A page\n\nwithout markers"])
+def test_other_pages_stay(text: str) -> None:
+    assert hooks.on_page_markdown(text) == text

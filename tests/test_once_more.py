@@ -1,7 +1,5 @@
 """Tests that waited in vain get one more chance, alone; those that found a wrong value do not."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -59,9 +57,7 @@ def test_a_test_that_waited_in_vain_is_run_once_more_and_named(tmp_path: Path) -
     assert "passed test_late.py::test_late" in said
 
 
-def test_what_waits_in_vain_again_fails_and_a_wrong_value_has_no_second_chance(
-    tmp_path: Path,
-) -> None:
+def test_what_waits_in_vain_again_fails_and_wrong_values_have_one_chance(tmp_path: Path) -> None:
     code, said = run(tmp_path, "--once-more", late=LATE_ONCE, never=NEVER, wrong=WRONG)
     assert code == 1
     assert "FAILED AGAIN test_never.py::test_never" in said

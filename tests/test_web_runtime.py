@@ -1,7 +1,5 @@
 """What comes from npm is pinned, and no lock names a host."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path
@@ -18,7 +16,6 @@ def test_the_lock_holds_what_the_package_pins(folder: Path) -> None:
     package = json.loads((folder / "package.json").read_text())
     pinned = package.get("dependencies", {}) | package.get("devDependencies", {})
     locked = json.loads((folder / "package-lock.json").read_text())["packages"]
-    assert pinned
     for name, version in pinned.items():
         assert re.fullmatch(r"\d+\.\d+\.\d+", version), "one version, not a range"
         assert locked[f"node_modules/{name}"]["version"] == version

@@ -1,7 +1,5 @@
 """What pip installs: the wheel holds the package alone, and its command maps and locates."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

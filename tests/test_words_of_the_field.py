@@ -3,8 +3,6 @@
 Searched are the pages, and the docstrings and comments of the package; `code` in them is let pass.
 """
 
-from __future__ import annotations
-
 import ast
 import io
 import re
@@ -98,18 +96,14 @@ def found(text: str, phrases: dict[str, str]) -> Iterator[tuple[str, str]]:
 def offences(file: Path, text: str, phrases: dict[str, str]) -> list[str]:
     name = file.relative_to(ROOT).as_posix()
     allowed = {phrase for start, phrase in ALLOWED if name.startswith(start)}
-    return [
-        f"{name}: {phrase!r}; say: {instead}"
-        for phrase, instead in found(text, phrases)
-        if phrase not in allowed
-    ]
+    wrong = ((bad, good) for bad, good in found(text, phrases) if bad not in allowed)
+    return [f"{name}: {bad!r}; say: {good}" for bad, good in wrong]
 
 
 def test_pages_use_the_words_of_the_field() -> None:
     said = [(page, page.read_text(encoding="utf-8")) for page in PAGES]
-    assert [
-        each for page, text in said for each in offences(page, text, OURS | ONLY_IN_PAGES)
-    ] == []
+    phrases = OURS | ONLY_IN_PAGES
+    assert [each for page, text in said for each in offences(page, text, phrases)] == []
 
 
 def test_docstrings_and_comments_use_the_words_of_the_field() -> None:
@@ -125,9 +119,7 @@ def test_an_engineer_s_grep_lands_in_one_stage() -> None:
         if file.is_relative_to(stages)
         for said in [ast.get_docstring(tree)]
     ]
-    lands = {
-        term: {stage for stage, line in first if re.search(term, line, re.I)} for term in LANDS
-    }
+    lands = {term: {at for at, line in first if re.search(term, line, re.I)} for term in LANDS}
     assert lands == {term: {stage} for term, stage in LANDS.items()}
 
 

@@ -1,7 +1,5 @@
 """What of a page is still in English: its texts, compared with those of a catalogue."""
 
-from __future__ import annotations
-
 import json
 import re
 from functools import cache

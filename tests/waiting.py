@@ -1,7 +1,5 @@
 """Waiting for what other processes do, in one place: what never comes is a TimeoutError."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import TypeVar

@@ -1,7 +1,5 @@
 """The command as a user meets it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pytest

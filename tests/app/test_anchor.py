@@ -1,7 +1,5 @@
 """Maps placed on plans from files, and plans drawn."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import json
@@ -13,33 +11,20 @@ import pytest
 from PIL import Image
 
 from elfslam.app import anchor
+from elfslam.base import values
 from elfslam.base.building import Building, BuildingFloor, Passage
 from elfslam.base.errors import InputError, NoAnswerError, StoreError
 from elfslam.base.geometry import chain, inverse
 from elfslam.base.grid import FloorGrid, outlines, walked_grid
-from elfslam.base.values import (
-    NO_CLOSURES,
-    FloorMap,
-    LevelPassage,
-    MeanSimilarity,
-    Odometry,
-    Run,
-    Trajectory,
-)
+from elfslam.base.values import NO_CLOSURES, FloorMap, LevelPassage, Odometry, Run, Trajectory
 from elfslam.cli import app as command
 from elfslam.data.building_files import floor_folder, read_building, write_building
 from elfslam.data.geographic import Origin, from_lon_lat
 from elfslam.data.map_exports import feature, polygon_of
 from elfslam.data.map_files import read_map, write_map
 from elfslam.data.runs import write_run
-from elfslam.stages.floor_plan_alignment import (
-    AMBIGUOUS,
-    NOWHERE,
-    OK,
-    AnchoringParameters,
-    Placement,
-    placed,
-)
+from elfslam.stages import floor_plan_alignment
+from elfslam.stages.floor_plan_alignment import NOWHERE, OK, AnchoringParameters, Placement, placed
 from elfslam.stages.map_matching import MapMatchingParameters
 
 KNOWN = AnchoringParameters(cell_m=0.15)
@@ -59,9 +44,9 @@ def image(tmp_path: Path) -> str:
     return f"{tmp_path / 'plan.png'}:14"
 
 
-@pytest.fixture
-def floor_map() -> FloorMap:
-    xy_m = placed(WALK, inverse(PLAN_FROM_MAP), 1.0)
+def spots(line_m: np.ndarray) -> FloorMap:
+    """The map of a walk along a line of the plan."""
+    xy_m = placed(line_m, inverse(PLAN_FROM_MAP), 1.0)
     dense = np.concatenate([np.linspace(a, b, 20) for a, b in itertools.pairwise(xy_m)])
     count = len(dense)
     covariance = np.tile(np.diag([0.04, 0.01]), (count, 1, 1))
@@ -69,9 +54,12 @@ def floor_map() -> FloorMap:
     return FloorMap(dense, np.zeros(count), walk, np.arange(count), covariance, (), "", ("a",))
 
 
-def test_a_map_is_written_in_the_frame_of_the_plan(
-    image: str, floor_map: FloorMap, tmp_path: Path
-) -> None:
+@pytest.fixture
+def floor_map() -> FloorMap:
+    return spots(WALK)
+
+
+def test_maps_are_written_in_plan_frames(image: str, floor_map: FloorMap, tmp_path: Path) -> None:
     (tmp_path / "run").mkdir()
     write_map(floor_map, tmp_path / "run" / "map.npz")
     (tmp_path / "run" / "encoder.onnx").write_bytes(b"encoder")
@@ -99,7 +87,7 @@ def test_what_is_uncertain_is_not_written(image: str, floor_map: FloorMap, tmp_p
     found = anchor.anchor_into(
         tmp_path / "out", tmp_path / "map.npz", anchor.read_plan(image), KNOWN, None
     )
-    assert found.status == AMBIGUOUS
+    assert found.status == floor_plan_alignment.AMBIGUOUS
     assert not (tmp_path / "out").exists()
 
 
@@ -124,7 +112,6 @@ def test_a_plan_in_degrees_says_where_its_frame_lies(tmp_path: Path) -> None:
     file = tmp_path / "plan.geojson"
     file.write_text(json.dumps(feature(polygon_of(there, (ring,)), {})))
     plan = anchor.read_plan(str(file))
-    assert plan.origin is not None
     middle = np.array([[plan.origin.longitude_deg, plan.origin.latitude_deg]])
     npt.assert_allclose(from_lon_lat(there, middle), [[3, 2]], atol=0.02)
     assert len(anchor.drawn(plan.ground).outline) >= 4
@@ -154,9 +141,8 @@ def test_a_level_of_a_plan_stands_behind_its_file(tmp_path: Path) -> None:
         rooms.append(feature({"type": "Polygon", "coordinates": [ring]}, {"level": level}))
     file = tmp_path / "plan.geojson"
     file.write_text(json.dumps({"type": "FeatureCollection", "features": rooms}))
-    widths_m = [
-        np.ptp(anchor.drawn(anchor.read_plan(f"{file}:{k}").ground).outline[:, 0]) for k in (0, 1)
-    ]
+    plans = [anchor.drawn(anchor.read_plan(f"{file}:{k}").ground) for k in (0, 1)]
+    widths_m = [np.ptp(plan.outline[:, 0]) for plan in plans]
     assert widths_m == pytest.approx([6.0, 9.0], abs=0.2)
     for text, said in (
         (f"{file}", "has the levels 0, 1; choose one, such as"),
@@ -184,7 +170,7 @@ def run() -> Run:
     nodes = Odometry(t_s, poses, np.tile([0.1, 0.1, 0.01], (20, 1)))
     spread = np.tile(0.01 * np.eye(3), (len(poses), 1, 1))
     walk = Trajectory(t_s, poses, spread, np.zeros(0), "NO_CLOSURES")
-    alike = MeanSimilarity(np.zeros((20, 1), dtype=np.float32), kind="motion")
+    alike = values.MeanSimilarity(np.zeros((20, 1), dtype=np.float32), kind="motion")
     return Run("walk", nodes, alike, NO_CLOSURES, walk, None, None, None)
 
 
@@ -226,23 +212,13 @@ def test_a_plan_without_room_to_stand_is_refused(run: Run) -> None:
 def test_a_walk_that_fits_in_several_ways_needs_its_start_said(run: Run, tmp_path: Path) -> None:
     write_run(run, tmp_path / "run", facts={}, encoder=None)
     quick = AnchoringParameters(cell_m=0.5)
+    how = (quick, FOLLOW_KNOWN), None
     with pytest.raises(NoAnswerError, match="AMBIGUOUS; say where it begins"):
-        anchor.follow_into(
-            tmp_path / "out", tmp_path / "run", anchor.Plan(HALL), (quick, FOLLOW_KNOWN), None
-        )
+        anchor.follow_into(tmp_path / "out", tmp_path / "run", anchor.Plan(HALL), *how)
     assert not (tmp_path / "out").exists()
 
 
 UPSTAIRS = np.array([[1, 1], [1, 8], [4, 8], [4, 3], [11, 3.0]])
-
-
-def spots(line_m: np.ndarray) -> FloorMap:
-    xy_m = placed(line_m, inverse(PLAN_FROM_MAP), 1.0)
-    dense = np.concatenate([np.linspace(a, b, 20) for a, b in itertools.pairwise(xy_m)])
-    count = len(dense)
-    covariance = np.tile(np.eye(2) * 0.01, (count, 1, 1))
-    zero = np.zeros(count, dtype=int)
-    return FloorMap(dense, np.zeros(count), zero, np.arange(count), covariance, (), "", ("a",))
 
 
 def tower(folder: Path) -> Path:
@@ -250,9 +226,8 @@ def tower(folder: Path) -> Path:
     stairs_m = placed(WALK[-1:], inverse(PLAN_FROM_MAP), 1.0)[0].tolist()
     stairs = Passage(LevelPassage.STAIRS, 0, 1, tuple(stairs_m), tuple(stairs_m), 20.0)
     folder.mkdir()
-    write_building(
-        Building("tower", (BuildingFloor(0, 0.0), BuildingFloor(1, 3.5)), (stairs,)), folder
-    )
+    floors = (BuildingFloor(0, 0.0), BuildingFloor(1, 3.5))
+    write_building(Building("tower", floors, (stairs,)), folder)
     for level, line_m in enumerate([WALK, UPSTAIRS]):
         floor_folder(folder, level).mkdir(parents=True)
         write_map(spots(line_m), floor_folder(folder, level) / "map.npz")
@@ -262,28 +237,21 @@ def tower(folder: Path) -> Path:
 def plan_of(file: Path, *lines_m: np.ndarray) -> str:
     """Corridors about a line on each level, as Simple Indoor Tagging has them."""
     corridors = [
-        (level, ring)
-        for level, line_m in enumerate(lines_m)
-        for ring in outlines(walked_grid([line_m], 0.7, 0.1))
-    ]
-    features = [
-        {
-            "type": "Feature",
-            "properties": {"level": str(level)},
-            "geometry": {
+        feature(
+            {
                 "type": "Polygon",
                 "coordinates": [[*part.tolist(), part[0].tolist()] for part in ring],
             },
-        }
-        for level, ring in corridors
+            {"level": str(level)},
+        )
+        for level, line_m in enumerate(lines_m)
+        for ring in outlines(walked_grid([line_m], 0.7, 0.1))
     ]
-    file.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    file.write_text(json.dumps({"type": "FeatureCollection", "features": corridors}))
     return str(file)
 
 
-def test_all_floors_of_a_building_are_laid_on_the_levels_of_a_plan_at_once(
-    tmp_path: Path,
-) -> None:
+def test_all_floors_of_a_building_are_laid_on_the_levels_of_a_plan_at_once(tmp_path: Path) -> None:
     plan = plan_of(tmp_path / "plan.geojson", WALK, UPSTAIRS)
     out = tmp_path / "out"
     assert command.run(["anchor", str(tower(tmp_path / "tower")), plan, str(out)]) == 0

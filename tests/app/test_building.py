@@ -1,7 +1,5 @@
 """A walk over two floors becomes a building on disk, in which each floor is a run folder."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -37,7 +35,6 @@ JOB = MapJob((), None, "compact", Settings(), overwrite=False)
 def climbed(folder: Path, seed: int) -> Path:
     """Two rounds of the studio on one floor, two on the next."""
     recording, truth = simulate(load_world("studio"), seed=seed, rounds=4)
-    assert recording.imu is not None
     middle_s = float(recording.imu.t_s[-1] / 2)
     by = (None, LevelPassage.STAIRS, None)
     levels = Levels(np.array([0.0, middle_s, middle_s + 10]), np.array([0, np.nan, 1]), by)
@@ -61,20 +58,17 @@ def building(walk: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_whole_run_lies_at_the_top_and_each_floor_beneath(building: Path) -> None:
     whole, told = read_run(building), read_building(building)
     assert told.levels == (0, 1)
-    assert whole.visited is not None
     assert whole.visited.floors == told.floors
     assert whole.floor_map is None
     assert "level 1" in (building / "report.html").read_text()
     for level in told.levels:
         folder = floor_folder(building, level)
         part = read_run(folder)
-        assert part.floor_map is not None
         assert read_facts(folder)["level"] == level
         assert (folder / "encoder.onnx").is_file()
         rows = np.isin(whole.trajectory.t_s, part.trajectory.t_s)
-        npt.assert_allclose(
-            part.trajectory.world_from_body, whole.trajectory.world_from_body[rows], atol=1e-6
-        )
+        poses = whole.trajectory.world_from_body[rows]
+        npt.assert_allclose(part.trajectory.world_from_body, poses, atol=1e-6)
         npt.assert_array_equal(read_map(folder).xy_m, part.floor_map.xy_m)
 
 
@@ -90,15 +84,11 @@ def test_one_of_many_recordings_may_be_a_building(walk: Path, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("mode", list(Mode))
-def test_a_query_is_located_on_the_floor_that_it_is_on(
-    building: Path, walk: Path, mode: Mode
-) -> None:
+def test_a_query_is_located_on_its_own_floor(building: Path, walk: Path, mode: Mode) -> None:
     """Both floors are one room here: echo by echo they can hardly be told apart."""
     fixes = locate_from(walk, building, Settings(), mode=mode)
     visited = read_run(building).visited
-    assert visited is not None
     levels = visited.levels.at(fixes.t_s)
-    assert fixes.level is not None
     assert len(fixes.t_s) > 30
     known = np.isfinite(fixes.level)
     npt.assert_array_equal(fixes.level[known], levels[known])
@@ -113,9 +103,8 @@ def test_other_senses_than_echoes_are_refused(building: Path, walk: Path) -> Non
         locate_from(walk, building, Settings(), by=[Modality.WIFI])
 
 
-TOLD = ExportContext(
-    Origin(47.0, 8.0), Venue("Tower", "hotel", "Hauptstrasse 1", "Bern", "CH", "Ground floor", 0)
-)
+VENUE = Venue("Tower", "hotel", "Hauptstrasse 1", "Bern", "CH", "Ground floor", 0)
+TOLD = ExportContext(Origin(47.0, 8.0), VENUE)
 
 
 def test_its_levels_are_one_archive_of_imdf(building: Path, tmp_path: Path) -> None:
@@ -129,9 +118,7 @@ def test_its_levels_are_one_archive_of_imdf(building: Path, tmp_path: Path) -> N
     assert [each["properties"]["category"] for each in amenities] == ["stairs", "stairs"]
 
 
-def test_geojson_states_levels_and_its_levels_are_read_again(
-    building: Path, tmp_path: Path
-) -> None:
+def test_geojson_states_levels_that_are_read_again(building: Path, tmp_path: Path) -> None:
     file = tmp_path / "tower.geojson"
     export(building, file, Format.GEOJSON, TOLD)
     features = json.loads(file.read_text())["features"]
@@ -189,7 +176,6 @@ def test_buildings_of_walks_become_one(building: Path, walk: Path, tmp_path: Pat
         assert made.sources == ("building", "second")
         assert (floor_folder(out, level) / "report.html").is_file()
     fixes = locate_from(walk, out, Settings())
-    assert fixes.level is not None
     assert set(fixes.level[np.isfinite(fixes.level)]) == {0, 1}
     assert run(["merge", str(out), both[1], str(tmp_path / "again")]) == 2
     assert run(["merge", str(floor_folder(building, 0)), both[1], str(tmp_path / "mixed")]) == 2
@@ -199,7 +185,6 @@ def test_python_locates_in_a_run_over_several_floors(walk: Path) -> None:
     recording = elfslam.read_recording(walk)
     mapped = elfslam.map(recording, encoder="spectral")
     fixes = elfslam.locate(recording, mapped)
-    assert fixes.level is not None
     assert set(fixes.level[np.isfinite(fixes.level)]) == {0, 1}
     with pytest.raises(InputError, match="over several floors"):
         elfslam.merge([mapped, mapped])

@@ -1,7 +1,5 @@
 """Tables, exit codes and silence in a pipe."""
 
-from __future__ import annotations
-
 import io
 import logging
 import os
@@ -14,22 +12,13 @@ import pytest
 from rich.console import Console
 
 from elfslam.app import console
-from elfslam.app.console import (
-    PrintableFormatter,
-    compilation_announced,
-    exit_code_of,
-    print_line,
-    print_rows,
-    progress_bar,
-    say,
-)
 from elfslam.base.errors import InputError, NoAnswerError
 
 ROWS = [{"name": "a", "x_m": 0.123456, "n": None}, {"name": "b", "x_m": 12345.678, "n": {"OK": 3}}]
 
 
 def test_a_table_shows_every_cell(capsys: pytest.CaptureFixture[str]) -> None:
-    print_rows(ROWS, title="Things", as_json=False)
+    console.print_rows(ROWS, title="Things", as_json=False)
     out = capsys.readouterr().out
     for text in ("Things", "x_m", "0.12", "1.23e+04", "-", "OK 3"):
         assert text in out
@@ -41,10 +30,10 @@ SHOWN = r"\x1b]0;owned\x07\x1b[2J\x9b1m\x7f\u202ecod.exe\u2066\u2028\ud800\r\n[r
 
 def test_what_a_name_holds_is_printed_and_not_obeyed(capsys: pytest.CaptureFixture[str]) -> None:
     rows = [{HOSTILE: HOSTILE, "in": {HOSTILE: 1}}]
-    print_rows(rows, title=HOSTILE, as_json=False)
-    print_line(HOSTILE)
+    console.print_rows(rows, title=HOSTILE, as_json=False)
+    console.print_line(HOSTILE)
     table = capsys.readouterr().out
-    say(f"elfslam: {HOSTILE}: no")
+    console.say(f"elfslam: {HOSTILE}: no")
     said = capsys.readouterr().err
     assert {each for each in table + said if not each.isprintable()} == {"\n"}
     assert "".join(table.replace(" ", "").split("\n")).count("[red]:smile:[/]") >= 4
@@ -54,7 +43,7 @@ def test_what_a_name_holds_is_printed_and_not_obeyed(capsys: pytest.CaptureFixtu
 
 def test_letters_of_every_script_stay(capsys: pytest.CaptureFixture[str]) -> None:
     names = "Zoë אבג 漢字 हिन्दी 👩\u200d🔬"
-    print_line(names)
+    console.print_line(names)
     assert capsys.readouterr().out == f"{names}\n"
 
 
@@ -63,7 +52,7 @@ def test_a_progress_bar_says_no_more_than_text(monkeypatch: pytest.MonkeyPatch) 
     drawn = io.StringIO()
     terminal = Console(file=drawn, force_terminal=True, width=100, markup=False, emoji=False)
     monkeypatch.setattr(console, "_console", lambda **_: terminal)
-    with progress_bar() as announce:
+    with console.progress_bar() as announce:
         announce("\x1b]0;owned\x07[red]walk[/]", 0.5)
     assert r"\x1b]0;owned\x07[red]walk[/]" in drawn.getvalue()
     assert "\x1b]0" not in drawn.getvalue()
@@ -72,7 +61,7 @@ def test_a_progress_bar_says_no_more_than_text(monkeypatch: pytest.MonkeyPatch) 
 def test_what_is_logged_is_a_line_and_a_traceback_keeps_its_lines() -> None:
     shown = io.StringIO()
     handler = logging.StreamHandler(shown)
-    handler.setFormatter(PrintableFormatter())
+    handler.setFormatter(console.PrintableFormatter())
     logger = logging.Logger("of others")
     logger.addHandler(handler)
     logger.warning("job %s failed", "a\x1b[2J\nERROR: forged")
@@ -103,15 +92,13 @@ def fail(error: Exception) -> int:
         (ModuleNotFoundError("No module named 'torch.nn'", name="torch.nn"), 2),
     ],
 )
-def test_errors_become_one_line(
-    error: Exception, code: int, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert exit_code_of(lambda: fail(error)) == code
+def test_errors_are_a_line(error: Exception, code: int, capsys: pytest.CaptureFixture[str]) -> None:
+    assert console.exit_code_of(lambda: fail(error)) == code
     assert len(capsys.readouterr().err.splitlines()) == 1
 
 
 def test_what_is_missing_is_named_with_its_extra(capsys: pytest.CaptureFixture[str]) -> None:
-    exit_code_of(lambda: fail(ModuleNotFoundError("gone", name="torch")))
+    console.exit_code_of(lambda: fail(ModuleNotFoundError("gone", name="torch")))
     assert capsys.readouterr().err == (
         "elfslam: this needs torch, which is not installed; run make studies in the checkout\n"
     )
@@ -122,7 +109,7 @@ def test_what_is_missing_is_named_with_its_extra(capsys: pytest.CaptureFixture[s
 )
 def test_a_programming_error_is_not_hidden(error: Exception) -> None:
     with pytest.raises(type(error)):
-        exit_code_of(lambda: fail(error))
+        console.exit_code_of(lambda: fail(error))
 
 
 CONSOLE = (
@@ -160,17 +147,15 @@ def test_nobody_who_listens_is_no_error() -> None:
 
 
 def test_progress_is_silent_in_a_pipe(capsys: pytest.CaptureFixture[str]) -> None:
-    with progress_bar() as announce:
+    with console.progress_bar() as announce:
         announce("working", 0.5)
         announce("working", None)
     assert capsys.readouterr() == ("", "")
 
 
-def test_a_table_keeps_the_columns_that_fit_and_names_the_others(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_table_keeps_columns_that_fit_and_names_more(capsys: pytest.CaptureFixture[str]) -> None:
     row = {"name": "a walk", **{f"column {k} of many": f"value {k}" for k in range(20)}}
-    print_rows([row], title="Wide", as_json=False)
+    console.print_rows([row], title="Wide", as_json=False)
     lines = capsys.readouterr().out.splitlines()
     assert max(len(line) for line in lines) <= 120
     text = "\n".join(lines)
@@ -184,7 +169,7 @@ def test_a_table_keeps_the_columns_that_fit_and_names_the_others(
 def test_the_first_use_is_told_and_later_ones_are_not() -> None:
     twice = numba.njit(lambda value: 2 * value)
     told: list[tuple[str, float | None]] = []
-    with compilation_announced(lambda *said: told.append(said)):
+    with console.compilation_announced(lambda *said: told.append(said)):
         assert twice(3) == 6
         first = len(told)
         assert twice(4) == 8

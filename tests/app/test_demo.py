@@ -1,7 +1,5 @@
 """The demonstration on one walk of its own."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -19,14 +17,8 @@ from elfslam.world.world_file import load_world
 @pytest.mark.real
 def test_the_demo_maps_locates_and_writes_everything(tmp_path: Path) -> None:
     heard: list[float | None] = []
-    rows = run_demo(
-        tmp_path,
-        load_encoder("compact"),
-        Parameters(),
-        facts={},
-        announce=lambda what, share: heard.append(share),
-        seeds=(500,),
-    )
+    given = tmp_path, load_encoder("compact"), Parameters(), {}
+    rows = run_demo(*given, announce=lambda what, share: heard.append(share), seeds=(500,))
     median, answered = (
         {(row["method"], row["condition"]): float(str(row["value"])) for row in rows
          if row["metric"] == metric}

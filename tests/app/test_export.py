@@ -1,7 +1,5 @@
 """Runs in the formats of other programs: what is written is what was mapped."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`elfslam merge` and `elfslam locate` by Wi-Fi and magnetic field, on a few real walks."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable
@@ -49,9 +47,7 @@ def floor(walks: Path, tmp_path: Path, elfslam: Command) -> Path:
     return tmp_path / "floor"
 
 
-def test_walks_become_a_map_with_its_angle_and_the_declared_starts(
-    walks: Path, floor: Path
-) -> None:
+def test_walks_become_a_map_with_angle_and_declared_starts(walks: Path, floor: Path) -> None:
     made = read_map(floor)
     assert [item.kind for item in made.payloads] == ["wifi", "magnetic"]
     assert made.sources == tuple(f"walk{k}" for k in range(COUNT))
@@ -65,14 +61,11 @@ def test_walks_become_a_map_with_its_angle_and_the_declared_starts(
     assert (floor / "report.html").is_file()
 
 
-def test_a_place_that_a_walker_named_is_in_the_map(
-    walks: Path, tmp_path: Path, elfslam: Command
-) -> None:
+def test_a_place_a_walker_named_is_mapped(walks: Path, tmp_path: Path, elfslam: Command) -> None:
     for number in range(2):
         place = tmp_path / "walks" / f"walk{number}"
         shutil.copytree(walks / "walks" / f"walk{number}", place)
     recording = read_recording(tmp_path / "walks" / "walk1")
-    assert recording.imu is not None
     named = Checkpoints(recording.imu.t_s[-1:], ("Way out",))
     shutil.rmtree(tmp_path / "walks" / "walk1")
     write_recording(replace(recording, checkpoints=named), tmp_path / "walks" / "walk1")
@@ -88,9 +81,8 @@ def test_a_place_that_a_walker_named_is_in_the_map(
 def test_a_stranger_is_located_without_a_start(
     walks: Path, floor: Path, tmp_path: Path, elfslam: Command, mode: Mode
 ) -> None:
-    code, said = elfslam(
-        "locate", "--by", "wifi", walks / "asked", floor, tmp_path / "fixes.csv", "--mode", mode
-    )
+    asked, fixes = walks / "asked", tmp_path / "fixes.csv"
+    code, said = elfslam("locate", "--by", "wifi", asked, floor, fixes, "--mode", mode)
     assert code == 0, said
     fixes, truth = read_fixes(tmp_path / "fixes.csv"), read_truth(walks / "asked")
     known = fixes.status == FixStatus.OK
@@ -126,9 +118,7 @@ def test_the_field_changes_where_a_whole_walk_lies(
     assert np.abs(one.xy_m - other.xy_m).max() > 0.01
 
 
-def test_what_cannot_be_merged_stays_out_and_says_why(
-    walks: Path, tmp_path: Path, elfslam: Command
-) -> None:
+def test_what_cannot_be_merged_says_why(walks: Path, tmp_path: Path, elfslam: Command) -> None:
     for name in ("lost", "deaf"):
         shutil.copytree(walks / "walks" / "walk0", tmp_path / "given" / name)
     manifest = tmp_path / "given" / "lost" / "recording.json"

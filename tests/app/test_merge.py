@@ -1,7 +1,5 @@
 """`elfslam merge` as a user meets it."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable
@@ -59,9 +57,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_walks_are_merged_into_a_map_and_one_more_is_added(
-    runs: Path, tmp_path: Path, elfslam: Command
-) -> None:
+def test_walks_are_merged_and_one_added(runs: Path, tmp_path: Path, elfslam: Command) -> None:
     first, second = tmp_path / "first", tmp_path / "second"
     code, said = elfslam("merge", runs / "one", runs / "two", runs / "away", first)
     assert code == 0
@@ -87,9 +83,7 @@ def test_walks_are_merged_into_a_map_and_one_more_is_added(
     assert sorted(file.stem for file in (second / "trajectories").iterdir()) == ["three"]
 
 
-def test_nothing_to_merge_is_exit_code_1_and_writes_nothing(
-    runs: Path, tmp_path: Path, elfslam: Command
-) -> None:
+def test_nothing_to_merge_is_1_and_no_map(runs: Path, tmp_path: Path, elfslam: Command) -> None:
     code, said = elfslam("merge", runs / "one", runs / "away", tmp_path / "out")
     assert (code, said.count("\n")) == (1, 1)
     assert "no two walks could be merged" in said
@@ -165,7 +159,6 @@ FEW = ("--set", "floor_level.steps=4", "--set", "floor_level.opening_batches=1")
 def floor(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the runs of a walk there and one back, their map, and a recording."""
     folder, encoder = tmp_path_factory.mktemp("floor"), load_encoder("compact")
-    assert isinstance(encoder, OnnxEncoder)
     for name, seed in (("there", 100), ("back", 101)):
         recording, truth = simulate(load_world("studio"), seed, rounds=2, reverse=name == "back")
         x_m, y_m, heading_rad = truth.world_from_body[0].tolist()
@@ -201,9 +194,7 @@ def test_a_map_of_means_locates_without_headings_and_with_its_own_encoder(
     assert np.isnan(found.heading_rad).all()
 
 
-def test_an_encoder_learns_from_the_walks_of_the_map(
-    floor: Path, tmp_path: Path, elfslam: Command
-) -> None:
+def test_an_encoder_learns_from_map_walks(floor: Path, tmp_path: Path, elfslam: Command) -> None:
     one, two = tmp_path / "one", tmp_path / "two"
     learn = ("--learn", floor / "there", "--learn", floor / "back", *FEW)
     for out in (one, two):
@@ -211,33 +202,28 @@ def test_an_encoder_learns_from_the_walks_of_the_map(
     content = (one / "encoder.onnx").read_bytes()
     assert content == (two / "encoder.onnx").read_bytes(), "same seed, same bytes"
     card = OnnxEncoder(content, "learned").card
-    assert card is not None
     assert card.finetunings[-1].outcome.startswith("floor level")
     assert read_map(one).payloads[0].encoder == OnnxEncoder(content, "learned").identity
     assert json.loads((one / "merge.json").read_text())["learned_from"] == ["there", "back"]
     assert not list(tmp_path.glob("*.checkpoint"))
 
 
-def test_what_needs_headings_is_refused_in_one_line(
-    floor: Path, tmp_path: Path, elfslam: Command
-) -> None:
+def test_what_needs_headings_is_refused(floor: Path, tmp_path: Path, elfslam: Command) -> None:
     out = tmp_path / "out"
     assert elfslam("superimpose", floor / "map", out)[0] == 0
     fixes = tmp_path / "fixes.csv"
     for mode in ("track", "trajectory"):
         code, said = elfslam("locate", floor / "asks", out, fixes, "--mode", mode)
         assert (code, said.count("\n"), "is superimposed" in said) == (2, 1, True)
-    for verb in (
-        ("superimpose", out, tmp_path / "again"),
-        ("merge", out, floor / "there", tmp_path / "again"),
-    ):
+    again = tmp_path / "again"
+    for verb in (("superimpose", out, again), ("merge", out, floor / "there", again)):
         code, said = elfslam(*verb)
         assert (code, said.count("\n"), "superimposed" in said) == (2, 1, True)
     assert not fixes.exists()
     assert not (tmp_path / "again").exists()
 
 
-def test_walks_that_the_map_or_the_run_lacks_are_refused(
+def test_walks_a_map_or_run_lacks_are_refused(
     floor: Path, tmp_path: Path, elfslam: Command
 ) -> None:
     stranger, out = tmp_path / "stranger", tmp_path / "out"

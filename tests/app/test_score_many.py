@@ -1,8 +1,5 @@
 """Scores of many walks at once."""
 
-from __future__ import annotations
-
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +7,7 @@ import pytest
 
 from elfslam.app.score_many import score_walks
 from elfslam.base.errors import InputError
-from elfslam.base.values import Closures, Odometry, Run, Similarity, Trajectory, Truth
+from elfslam.base.values import Closures, Odometry, Recording, Run, Similarity, Trajectory, Truth
 from elfslam.data.recordings import write_recording
 from elfslam.data.runs import write_run
 
@@ -20,28 +17,19 @@ TIMES = np.arange(11.0)
 
 def straight_run(name: str, scale: float, status: str) -> Run:
     """Ten metres walked straight ahead, measured `scale` times as long."""
-    poses = POSES * [scale, 1, 1]
+    nodes = Odometry(TIMES, POSES * [scale, 1, 1], np.full((10, 3), 0.1))
     none = Closures([], [], [], np.zeros((0, 3)), np.zeros((0, 3, 3)))
-    return Run(
-        name,
-        Odometry(TIMES, poses, np.full((10, 3), 0.1)),
-        Similarity(np.zeros((10, 10)), "motion"),
-        none,
-        Trajectory(TIMES, POSES, np.tile(np.eye(3), (11, 1, 1)), [], status),
-        None,
-        None,
-        None,
-    )
+    trajectory = Trajectory(TIMES, POSES, np.tile(np.eye(3), (11, 1, 1)), [], status)
+    similarity = Similarity(np.zeros((10, 10)), "motion")
+    return Run(name, nodes, similarity, none, trajectory, None, None, None)
 
 
 @pytest.fixture
 def folders(tmp_path: Path) -> tuple[Path, Path]:
-    from elfslam.base.values import Recording
-
     waypoints = Truth([0.0, 5.0, 10.0], [[0, 0, np.nan], [5, 0, np.nan], [10, 0, np.nan]])
     two = Truth([0.0, 10.0], [[0, 0, np.nan], [10, 0, np.nan]])
     for name, scale, truth in (("a", 1.1, waypoints), ("b", 1.3, waypoints), ("c", 2.0, two)):
-        run = replace(straight_run(name, scale, "OK" if name == "a" else "NO_CLOSURES"))
+        run = straight_run(name, scale, "OK" if name == "a" else "NO_CLOSURES")
         write_run(run, tmp_path / "runs" / name, facts={}, encoder=None)
         write_recording(Recording(name, "phone"), tmp_path / "walks" / name, truth=truth)
     return tmp_path / "runs", tmp_path / "walks"

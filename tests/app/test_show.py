@@ -1,7 +1,5 @@
 """What is drawn comes as one file, and a refusal makes nothing."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

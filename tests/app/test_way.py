@@ -1,7 +1,5 @@
 """Ways in a building on disk: places by name and by metres, and what is refused."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

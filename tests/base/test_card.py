@@ -1,21 +1,12 @@
 """Cards: into a file's metadata and back, and what is refused."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, dataclass
 
 import pytest
 
-from elfslam.base.card import (
-    Card,
-    Finetuning,
-    Pretraining,
-    card_in,
-    card_rows,
-    metadata_of,
-    training_facts,
-)
+from elfslam.base import card as cards
+from elfslam.base.card import Card, Finetuning, card_in, card_rows, metadata_of, training_facts
 from elfslam.base.errors import InputError
 from elfslam.base.parameters import digest, parameter
 
@@ -28,7 +19,7 @@ class Learning:
     rate: float = parameter(0.25, "", "learning rate")
 
 
-PRETRAINING = Pretraining("elfslam 1", 3, 3584, "float32", 1.25, **training_facts(Learning()))
+PRETRAINING = cards.Pretraining("elfslam 1", 3, 3584, "float32", 1.25, **training_facts(Learning()))
 FINETUNING = Finetuning("0123", "elfslam 2", 4, 600, "better", **training_facts(Learning(steps=2)))
 CARD = Card("Encoder: hears\nLimits: many", PRETRAINING, (FINETUNING,), {"recall": 0.5})
 

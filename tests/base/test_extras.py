@@ -1,7 +1,5 @@
 """Every module that comes with an extra names it."""
 
-from __future__ import annotations
-
 import ast
 import sys
 import tomllib

@@ -1,7 +1,5 @@
 """Fixes of planted places: where weight gathers, and when nothing is said."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -30,12 +28,9 @@ def test_moments_are_those_of_weighted_places() -> None:
         ([0.3, 0.2, 0.1], FixStatus.UNKNOWN_PLACE, np.nan),
     ],
 )
-def test_weight_near_the_best_place_decides(
-    scores: list[float], status: FixStatus, x_m: float
-) -> None:
-    xy, _, covariance, score, found = scored_fix(
-        np.array(scores, dtype=np.float32), XY_M, HEADING_RAD, SPREAD_M2, RULE
-    )
+def test_weight_near_the_best_decides(scores: list[float], status: FixStatus, x_m: float) -> None:
+    alike = np.array(scores, dtype=np.float32)
+    xy, _, covariance, score, found = scored_fix(alike, XY_M, HEADING_RAD, SPREAD_M2, RULE)
     assert found == status
     assert score == pytest.approx(max(scores))
     np.testing.assert_allclose(xy[0], x_m, atol=1e-4)

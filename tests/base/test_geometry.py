@@ -1,24 +1,14 @@
 """Planar poses are a group; quaternions agree with scipy."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.testing as npt
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from elfslam.base import geometry
 from elfslam.base.arrays import F64
-from elfslam.base.geometry import (
-    between,
-    chain,
-    compose,
-    interpolate_poses,
-    inverse,
-    path_length_m,
-    rotation_from_quaternion,
-    wrap_angle,
-)
+from elfslam.base.geometry import between, chain, compose, inverse, wrap_angle
 
 metres = st.floats(-100, 100)
 angles = st.floats(-20, 20)
@@ -43,23 +33,17 @@ def matrix(pose: F64) -> F64:
 def test_a_wrapped_angle_points_the_same_way_within_half_a_turn(angle: float) -> None:
     wrapped = float(wrap_angle(angle))
     assert abs(wrapped) <= np.pi
-    npt.assert_allclose(
-        [np.cos(wrapped), np.sin(wrapped)], [np.cos(angle), np.sin(angle)], atol=1e-12
-    )
+    npt.assert_allclose(np.exp(1j * wrapped), np.exp(1j * angle), atol=1e-12)
 
 
 def test_half_a_turn_wraps_to_minus_half_a_turn() -> None:
-    npt.assert_allclose(
-        wrap_angle(np.array([np.pi, -np.pi, 3 * np.pi / 2])), [-np.pi] * 2 + [-np.pi / 2]
-    )
+    angles = np.array([np.pi, -np.pi, 3 * np.pi / 2])
+    npt.assert_allclose(wrap_angle(angles), [-np.pi, -np.pi, -np.pi / 2])
 
 
 def test_a_step_ahead_goes_where_the_body_faces() -> None:
-    npt.assert_allclose(
-        compose(np.array([1.0, 2.0, np.pi / 2]), np.array([3.0, 1.0, 0.5])),
-        [0.0, 5.0, np.pi / 2 + 0.5],
-        atol=1e-12,
-    )
+    there = compose(np.array([1.0, 2.0, np.pi / 2]), np.array([3.0, 1.0, 0.5]))
+    npt.assert_allclose(there, [0.0, 5.0, np.pi / 2 + 0.5], atol=1e-12)
 
 
 @given(poses, poses)
@@ -112,7 +96,7 @@ def test_chain_undoes_between() -> None:
 
 def test_headings_are_interpolated_along_the_shorter_arc() -> None:
     turn = np.array([[0.0, 0.0, 3.0], [2.0, 4.0, -3.0]])
-    halfway = interpolate_poses(np.array([0.0, 1.0]), turn, np.array([0.0, 0.25, 0.5, 1.0]))
+    halfway = geometry.interpolate_poses(np.array([0.0, 1]), turn, np.array([0, 0.25, 0.5, 1]))
     arc = 2 * np.pi - 6
     npt.assert_allclose(halfway[:, :2], [[0, 0], [0.5, 1], [1, 2], [2, 4]])
     npt.assert_allclose(halfway[:, 2], wrap_angle(3 + arc * np.array([0, 0.25, 0.5, 1])))
@@ -121,17 +105,15 @@ def test_headings_are_interpolated_along_the_shorter_arc() -> None:
 @given(st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda q: np.linalg.norm(q) > 0.1))
 def test_quaternions_turn_as_scipy_turns_them(components: list[float]) -> None:
     quaternion = np.array(components) / np.linalg.norm(components)
-    npt.assert_allclose(
-        rotation_from_quaternion(quaternion), Rotation.from_quat(quaternion).as_matrix(), atol=1e-12
-    )
+    ours = geometry.rotation_from_quaternion(quaternion)
+    npt.assert_allclose(ours, Rotation.from_quat(quaternion).as_matrix(), atol=1e-12)
 
 
 def test_many_quaternions_at_once() -> None:
     rotations = Rotation.random(7, rng=np.random.default_rng(2))
-    npt.assert_allclose(
-        rotation_from_quaternion(rotations.as_quat()), rotations.as_matrix(), atol=1e-12
-    )
+    ours = geometry.rotation_from_quaternion(rotations.as_quat())
+    npt.assert_allclose(ours, rotations.as_matrix(), atol=1e-12)
 
 
 def test_path_length() -> None:
-    assert path_length_m(np.array([[0, 0], [3, 4], [3, 5.0]])) == 6
+    assert geometry.path_length_m(np.array([[0, 0], [3, 4], [3, 5.0]])) == 6

@@ -1,7 +1,5 @@
 """Parameters: who wins, what is refused, and what the refusal says."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -32,12 +30,9 @@ def test_rows_list_every_parameter_with_unit_and_meaning() -> None:
     listed = list(rows(Groups()))
     assert len(listed) == 12
     assert [row.name for row in listed][:2] == ["closure.threshold", "closure.points"]
-    assert (listed[8].name, listed[8].value, listed[8].unit, listed[8].meaning) == (
-        "other.offset_m",
-        0.0,
-        "m",
-        "any length",
-    )
+    row = listed[8]
+    told = (row.name, row.value, row.unit, row.meaning)
+    assert told == ("other.offset_m", 0.0, "m", "any length")
 
 
 def test_defaults_yield_to_the_file_and_the_file_to_settings(tmp_path: Path) -> None:
@@ -55,32 +50,17 @@ def test_the_last_setting_wins_and_words_need_no_quotes() -> None:
 
 
 def test_a_whole_number_will_do_for_a_float_but_stays_no_truth_value() -> None:
-    threshold = replace(Groups(), "closure.threshold", 1).closure.threshold
-    assert isinstance(threshold, float)
-    assert threshold == 1.0
+    assert repr(replace(Groups(), "closure.threshold", 1).closure.threshold) == "1.0"
 
 
 @pytest.mark.parametrize(
-    ("name", "near"),
+    ("setting", "said"),
     [
-        ("closure.treshold", "closure.threshold"),
-        ("closure.point", "closure.points"),
-        ("other.offset", "other.offset_m"),
-    ],
-)
-def test_an_unknown_name_is_answered_with_the_near_one(name: str, near: str) -> None:
-    with pytest.raises(ParameterError, match=rf"unknown parameter '{name}'; did you mean {near}\?"):
-        load(Groups(), None, [f"{name}=1"])
-
-
-def test_a_name_near_to_nothing_points_to_the_list() -> None:
-    with pytest.raises(ParameterError, match="see `elfslam parameters`"):
-        load(Groups(), None, ["zzz=1"])
-
-
-@pytest.mark.parametrize(
-    ("setting", "wanted"),
-    [
+        ("closure.treshold=1", r"'closure.treshold'; did you mean closure.threshold\?"),
+        ("closure.point=1", r"unknown parameter 'closure.point'; did you mean closure.points\?"),
+        ("other.offset=1", r"unknown parameter 'other.offset'; did you mean other.offset_m\?"),
+        ("zzz=1", "see `elfslam parameters`"),
+        ("closure.points", "'closure.points': wanted group.name=value, for ex"),
         ("closure.threshold=high", "wanted float, got 'high'; for example closure.threshold=0.4"),
         ("closure.threshold=true", "wanted float, got True"),
         ("closure.threshold=", "wanted float, got ''"),
@@ -88,16 +68,6 @@ def test_a_name_near_to_nothing_points_to_the_list() -> None:
         ("closure.points=true", "wanted int, got True"),
         ("closure.robust=1", "wanted bool, got 1"),
         ("closure.kind=3", "wanted str, got 3"),
-    ],
-)
-def test_a_wrong_type_says_what_is_wanted(setting: str, wanted: str) -> None:
-    with pytest.raises(ParameterError, match=wanted):
-        load(Groups(), None, [setting])
-
-
-@pytest.mark.parametrize(
-    ("setting", "wanted"),
-    [
         ("closure.threshold=1.01", "closure.threshold: wanted a finite value from 0.0 to 1.0, got"),
         ("closure.threshold=-0.1", "from 0.0 to 1.0, got -0.1; choose one in that range"),
         ("closure.threshold=nan", "from 0.0 to 1.0, got nan"),
@@ -107,19 +77,14 @@ def test_a_wrong_type_says_what_is_wanted(setting: str, wanted: str) -> None:
         ("closure.free=nan", "wanted a finite value, got nan"),
     ],
 )
-def test_a_value_out_of_range_says_the_range(setting: str, wanted: str) -> None:
-    with pytest.raises(ParameterError, match=wanted):
+def test_a_setting_that_cannot_be_says_what_is_wanted(setting: str, said: str) -> None:
+    with pytest.raises(ParameterError, match=said):
         load(Groups(), None, [setting])
 
 
 @pytest.mark.parametrize("setting", ["closure.threshold=0", "closure.threshold=1"])
 def test_both_ends_of_the_range_belong_to_it(setting: str) -> None:
     assert load(Groups(), None, [setting]).closure.threshold == float(setting[-1])
-
-
-def test_a_setting_without_an_equals_sign_is_refused_with_an_example() -> None:
-    with pytest.raises(ParameterError, match=r"'closure.points': wanted group.name=value, for ex"):
-        load(Groups(), None, ["closure.points"])
 
 
 @pytest.mark.parametrize("content", [b"[closure\n", b"\xff\xfe", None])

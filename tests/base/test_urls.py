@@ -1,7 +1,5 @@
 """URLs as people and logs see them: every secret hidden, all else as it was."""
 
-from __future__ import annotations
-
 import pytest
 
 from elfslam.base.urls import has_secret, shown_url, without_secrets

@@ -1,20 +1,26 @@
-"""Every value of the line declares its shapes, so that a mix-up stops where it happens."""
-
-from __future__ import annotations
+"""Every value of the line declares its shapes, and names and claims of files are checked early."""
 
 import dataclasses
+import math
+import pickle
 from collections.abc import Callable
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from elfslam.base import values
 from elfslam.base.arrays import Value
-from elfslam.base.errors import InputError
+from elfslam.base.bounds import FREE_BYTES, MOST_BYTES, RATIO, check_claim, most_bytes
+from elfslam.base.enums import Modality, parse_modalities
+from elfslam.base.errors import LONGEST_CHARACTERS, ElfslamError, InputError, ParameterError
 from elfslam.base.values import ECHO_SAMPLES, FixStatus
 
 T_S = np.arange(3.0)
 UNIT = np.eye(4)[:3]
+XY_M, POSES, COVARIANCE = np.zeros((3, 2)), np.zeros((3, 3)), np.zeros((3, 3, 3))
+ECHOES = np.zeros((3, ECHO_SAMPLES))
 MAKERS: dict[str, Callable[[], Value]] = {
     "Chirp": lambda: values.Chirp(np.zeros(441), 44_100, 0.1, [15e3, 20e3]),
     "Audio": lambda: values.Audio(np.zeros((2, 9)), 44_100),
@@ -22,48 +28,29 @@ MAKERS: dict[str, Callable[[], Value]] = {
     "Magnetometer": lambda: values.Magnetometer(T_S, np.zeros((3, 3))),
     "Barometer": lambda: values.Barometer(T_S, np.full(3, 1013.0)),
     "Levels": lambda: values.Levels(T_S, [0.0, np.nan, 1.0], (None, None, None)),
-    "WifiScans": lambda: values.WifiScans(
-        T_S, ("a", "b"), np.full((3, 2), np.nan), np.zeros((3, 2))
-    ),
+    "WifiScans": lambda: values.WifiScans(T_S, ("a", "b"), XY_M, XY_M),
     "Orientation": lambda: values.Orientation(T_S, UNIT),
     "Emr": lambda: values.Emr(T_S, np.zeros((3, 5))),
     "Checkpoints": lambda: values.Checkpoints(T_S, ("a", "b", "a"), np.zeros((3, 2))),
     "Odometry": lambda: values.Odometry(T_S, np.zeros((3, 3)), np.ones((2, 3))),
     "Truth": lambda: values.Truth(T_S, np.full((3, 3), np.nan)),
-    "Echoes": lambda: values.Echoes(T_S, np.zeros((3, ECHO_SAMPLES)), np.zeros((0, 2))),
-    "EchoPairs": lambda: values.EchoPairs(
-        np.zeros((3, ECHO_SAMPLES)), np.zeros((3, ECHO_SAMPLES)), [0, 0, 1], np.zeros((3, 2))
-    ),
+    "Echoes": lambda: values.Echoes(T_S, ECHOES, np.zeros((0, 2))),
+    "EchoPairs": lambda: values.EchoPairs(ECHOES, ECHOES, [0, 0, 1], XY_M),
     "Features": lambda: values.Features(T_S, UNIT, "stub"),
     "MeanSimilarity": lambda: values.MeanSimilarity(np.zeros((3, 2)), "stub"),
     "Similarity": lambda: values.Similarity(np.zeros((3, 3)), "stub"),
     "Closures": lambda: values.Closures([0], [2], [0.5], np.zeros((1, 3)), np.eye(3)[None, :, :]),
     "PoseGraph": lambda: values.PoseGraph(
-        np.zeros((3, 3)),
-        [[0, 1], [1, 2]],
-        np.zeros((2, 3)),
-        np.zeros((2, 3, 3)),
-        [False, True],
-        drift_turn_rad=np.zeros(2),
+        POSES, [[0, 1], [1, 2]], POSES[1:], COVARIANCE[1:], [False, True], drift_turn_rad=T_S[1:]
     ),
-    "Trajectory": lambda: values.Trajectory(
-        T_S, np.zeros((3, 3)), np.zeros((3, 3, 3)), np.zeros(1), "OK"
-    ),
+    "Trajectory": lambda: values.Trajectory(T_S, POSES, COVARIANCE, np.zeros(1), "OK"),
     "Payload": lambda: values.Payload("elf", "stub", np.zeros((3, 4))),
     "FloorMap": lambda: values.FloorMap(
-        np.zeros((3, 2)), T_S, [0, 0, 0], [0, 1, 2], np.zeros((3, 2, 2)), (), "digest", ("walk",)
+        XY_M, T_S, [0, 0, 0], [0, 1, 2], COVARIANCE[:, :2, :2], (), "digest", ("walk",)
     ),
-    "FrameFacts": lambda: values.FrameFacts(
-        np.arange(3.0), np.zeros(3), *(np.ones(3) for _ in range(5))
-    ),
+    "FrameFacts": lambda: values.FrameFacts(T_S, T_S, *(np.ones(3) for _ in range(5))),
     "Fixes": lambda: values.Fixes(
-        T_S,
-        np.full((3, 2), np.nan),
-        np.full(3, np.nan),
-        np.full((3, 2, 2), np.nan),
-        np.full(3, np.nan),
-        [FixStatus.OK, FixStatus.UNKNOWN_PLACE, FixStatus.NO_ECHO],
-        np.array([0.0, np.nan, 1.0]),
+        T_S, XY_M, T_S, COVARIANCE[:, :2, :2], T_S, [*FixStatus][:3], T_S
     ),
 }
 NAN_ALLOWED = {
@@ -191,3 +178,62 @@ def test_a_map_of_which_nobody_says_its_age_is_new() -> None:
     assert not made.changed.any()
     with pytest.raises(InputError, match=r"FloorMap\.weight: wanted shape"):
         dataclasses.replace(made, weight=np.ones(len(made.weight) + 1))
+
+
+def test_senses_come_in_the_order_they_are_named() -> None:
+    assert parse_modalities("wifi, elf") == (Modality.WIFI, Modality.ELF)
+    assert parse_modalities(None) == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("smell", "wanted elf, wifi, magnetic, emr, motion, got 'smell'"),
+        ("elf,elf", "name each modality once"),
+        ("elf,motion", "motion closes no loops"),
+        ("", "got ''"),
+    ],
+)
+def test_senses_that_are_none_are_refused(text: str, words: str) -> None:
+    with pytest.raises(ParameterError, match=words):
+        parse_modalities(text)
+
+
+SIZES = st.integers(0, 2**40)
+
+
+@given(SIZES, SIZES)
+def test_more_bytes_may_claim_more_up_to_an_end(one: int, other: int) -> None:
+    small, large = sorted((one, other))
+    assert FREE_BYTES <= most_bytes(small) <= most_bytes(large) <= MOST_BYTES
+
+
+@given(SIZES)
+def test_the_most_may_be_claimed_and_no_byte_more(size: int) -> None:
+    check_claim("walk", "its header", most_bytes(size), size)
+    with pytest.raises(InputError, match="walk: its header claims"):
+        check_claim("walk", "its header", most_bytes(size) + 1, size)
+
+
+@pytest.mark.parametrize("claimed", [10.0**12, math.inf, math.nan, 10**30])
+def test_what_no_machine_holds_is_refused(claimed: float) -> None:
+    with pytest.raises(InputError, match="cut it in parts"):
+        check_claim("walk", "its header", claimed, 10**9)
+
+
+def test_a_file_may_hold_a_hundredfold() -> None:
+    check_claim("walk", "it", FREE_BYTES + RATIO * 1000, 1000)
+
+
+def test_a_sentence_comes_as_it_was_written() -> None:
+    said = "map.npz: holds no poses, wanted some; map a walk first"
+    assert str(InputError(said)) == said
+    assert str(pickle.loads(pickle.dumps(InputError(said)))) == said
+
+
+@pytest.mark.parametrize("quoted", ["9" * 5000, "x" * LONGEST_CHARACTERS])
+def test_a_long_quotation_is_cut_in_its_middle(quoted: str) -> None:
+    said = str(ElfslamError(f"world.toml: knows no {quoted}; remove it"))
+    assert said.startswith("world.toml: knows no ")
+    assert said.endswith("; remove it")
+    assert len(said) < LONGEST_CHARACTERS

@@ -1,7 +1,5 @@
 """Zips from outside: what is whole comes out, what is not is refused in one line."""
 
-from __future__ import annotations
-
 import resource
 import stat
 import struct
@@ -61,9 +59,8 @@ def test_folders_parted_as_windows_does_come_out_as_folders(tmp_path: Path) -> N
 
 def test_an_overwritten_zip_is_refused_whatever_byte_it_was(tmp_path: Path) -> None:
     """The name as the archive's index says it is not the name beside the file's own bytes."""
-    whole = zipped(
-        tmp_path / "a.zip", ("größe.txt", b"x" * 50), method=zipfile.ZIP_STORED
-    ).read_bytes()
+    path = zipped(tmp_path / "a.zip", ("größe.txt", b"x" * 50), method=zipfile.ZIP_STORED)
+    whole = path.read_bytes()
     refused = set()
     for at in range(len(whole)):
         for byte in (0, 0xF6, 0xFF):
@@ -162,9 +159,8 @@ def test_many_entries_are_refused_without_being_parsed(tmp_path: Path) -> None:
     assert "entries" in refusal(zipped(tmp_path / "w.zip", *few, ("one more", b"")))
     entry = struct.pack("<4s6H3L5H2L", b"PK\x01\x02", *[0] * 16) + b""
     count = 40 * MOST_AT_ONCE // len(entry)
-    end = struct.pack(
-        "<4s4H2LH", b"PK\x05\x06", 0, 0, count & 0xFFFF, count & 0xFFFF, count * len(entry), 0, 0
-    )
+    counts = (count & 0xFFFF, count & 0xFFFF, count * len(entry))
+    end = struct.pack("<4s4H2LH", b"PK\x05\x06", 0, 0, *counts, 0, 0)
     (tmp_path / "w.zip").write_bytes(entry * count + end)
     tracemalloc.start()
     try:

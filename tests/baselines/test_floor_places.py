@@ -1,7 +1,5 @@
 """Held-out walks in a planted floor: found from anywhere, live only by what was known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -11,13 +9,8 @@ from planted_floor import STEP_M, STEPS, walk_along
 from elfslam.base.enums import Modality, Mode
 from elfslam.base.errors import InputError
 from elfslam.base.values import NO_CLOSURES, FixStatus
-from elfslam.baselines.floor_places import (
-    at_each_place,
-    floor_places,
-    known_by,
-    locate_on_floor,
-    whole_walk,
-)
+from elfslam.baselines import floor_places as on_floor
+from elfslam.baselines.floor_places import floor_places, known_by, locate_on_floor, whole_walk
 from elfslam.baselines.floor_walks import FloorParameters, corrected, floor_map
 
 BOTH = (Modality.WIFI, Modality.MAGNETIC)
@@ -70,7 +63,7 @@ def test_where_dead_reckoning_begins_makes_no_difference(places):
 def test_a_place_alone_is_found_without_dead_reckoning(places):
     walk = walk_along(0.0)
     nodes = replace(walk.nodes, world_from_body=np.zeros((STEPS, 3)))
-    fixes = at_each_place(replace(walk, nodes=nodes), places)
+    fixes = on_floor.at_each_place(replace(walk, nodes=nodes), places)
     true_m = STEP_M * (np.arange(STEPS - 1) + 0.5)
     assert np.median(np.abs(fixes.xy_m[:, 0] - true_m)) < 2.5
     assert np.isfinite(fixes.covariance_m2).all()
@@ -81,9 +74,7 @@ def test_live_knows_nothing_of_what_comes(places):
     wifi = walk.recording.wifi
     changed = np.where(wifi.t_s[:, None] > 12.0, -50.0, wifi.rssi_dbm)
     lied = replace(walk, recording=replace(walk.recording, wifi=replace(wifi, rssi_dbm=changed)))
-    one, other = (
-        [known_by(each, places, count) for count in (1, 17, 25, 49)] for each in (walk, lied)
-    )
+    one, other = ([known_by(at, places, n) for n in (1, 17, 25, 49)] for at in (walk, lied))
     assert one[0] is None
     for k in (1, 2):
         assert one[k].world_from_body == pytest.approx(other[k].world_from_body)
@@ -94,7 +85,6 @@ def test_live_knows_nothing_of_what_comes(places):
 
 def test_live_heads_by_the_compass_of_then_and_not_by_how_the_walk_ended(places):
     walk = walk_along(0.0)
-    turned = replace(walk, nodes=replace(walk.nodes, world_from_body=walk.nodes.world_from_body))
     quarter = walk.nodes.world_from_body @ np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1.0]])
     quarter[:, 2] += np.pi / 2
     turned = replace(walk, nodes=replace(walk.nodes, world_from_body=quarter))

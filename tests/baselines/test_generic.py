@@ -1,21 +1,13 @@
 """Generic features: unit rows, each by itself, and each blind to what it should be blind to."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from elfslam.base.arrays import F32
 from elfslam.base.errors import InputError
 from elfslam.base.values import ECHO_RATE_HZ, ECHO_SAMPLES
-from elfslam.baselines.generic import (
-    COMPONENTS,
-    PSD_BAND_HZ,
-    decimated,
-    generic_encoders,
-    power_spectral_density,
-    principal_encoder,
-)
+from elfslam.baselines import generic
+from elfslam.baselines.generic import COMPONENTS, decimated, generic_encoders, principal_encoder
 from elfslam.stages.feature import Encoder, spectrogram
 
 NAMES = [*generic_encoders(), "principal components"]
@@ -47,9 +39,7 @@ def test_rows_are_unit_and_differ(encoders: dict[str, Encoder], name: str) -> No
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_one_echo_alone_gives_what_it_gives_in_a_batch(
-    encoders: dict[str, Encoder], name: str
-) -> None:
+def test_an_echo_alone_is_as_in_a_batch(encoders: dict[str, Encoder], name: str) -> None:
     samples, encoder = traces(12), encoders[name]
     alone = np.concatenate([encoder.embed(samples[k : k + 1]) for k in range(12)])
     np.testing.assert_allclose(alone, encoder.embed(samples), atol=2e-6)
@@ -85,8 +75,8 @@ def test_decimation_keeps_tones_of_the_band_apart() -> None:
 
 @pytest.mark.parametrize("hz", [15_000.0, 17_475.0, 20_250.0])
 def test_a_tone_stands_at_its_frequency(hz: float) -> None:
-    power = power_spectral_density(tone(hz))[0]
-    assert PSD_BAND_HZ[0] + 75.0 * power.argmax() == pytest.approx(hz, abs=38)
+    power = generic.power_spectral_density(tone(hz))[0]
+    assert generic.PSD_BAND_HZ[0] + 75.0 * power.argmax() == pytest.approx(hz, abs=38)
     assert power.shape == (71,)
 
 
@@ -123,9 +113,8 @@ def test_the_root_of_a_spectrogram_lets_what_is_loud_count_for_less() -> None:
         name: float(np.prod(encoder.embed(np.stack([one + burst, other + burst])), axis=0).sum())
         for name, encoder in generic_encoders().items()
     }
-    unlike, unlike_by_roots = (
-        1 - alike[name] for name in ("spectrogram without mean", "root spectrogram")
-    )
+    unlike = 1 - alike["spectrogram without mean"]
+    unlike_by_roots = 1 - alike["root spectrogram"]
     assert unlike_by_roots > 3 * unlike
 
 

@@ -1,7 +1,6 @@
-"""Geomagnetic similarity: the warping against a naive oracle, planted fields, real walks."""
+"""Similarity by the field and by mains hum: naive oracles, planted returns, real walks."""
 
-from __future__ import annotations
-
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,18 +9,13 @@ from scipy.spatial.transform import Rotation
 
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import interpolate_poses
-from elfslam.base.values import Magnetometer, Odometry, Orientation
-from elfslam.baselines.magnetic import (
-    MagneticParameters,
-    field_sequences,
-    levelled_field,
-    magnetic_similarity,
-    warping_costs,
-)
+from elfslam.base.values import Emr, Magnetometer, Odometry, Orientation
+from elfslam.baselines import magnetic
+from elfslam.baselines.emr import EmrParameters, emr_similarity, hum_sequences
 from elfslam.data.magnetic import read_magnetic
 from elfslam.stages.motion import nodes_by_distance
 
-PARAMETERS = MagneticParameters()
+PARAMETERS = magnetic.MagneticParameters()
 SPEED_MPS = 1.0
 FIELD_RATE_HZ = 20.0
 
@@ -80,11 +74,11 @@ def test_warping_agrees_with_the_naive_recursion(band, components):
     generator = np.random.default_rng(band)
     windows, others = (generator.normal(size=(k, 9, components)) for k in (4, 5))
     wanted = [[naive_cost(one, other, band) for other in others] for one in windows]
-    assert warping_costs(windows, others, band) == pytest.approx(np.array(wanted))
+    assert magnetic.warping_costs(windows, others, band) == pytest.approx(np.array(wanted))
 
 
 def test_a_repeated_stretch_is_found_where_it_was_planted():
-    scores = magnetic_similarity(*there_and(False), PARAMETERS).scores
+    scores = magnetic.magnetic_similarity(*there_and(False), PARAMETERS).scores
     rows = np.arange(5, 50)
     far = np.abs(np.subtract.outer(np.arange(119), np.arange(119))) >= 12
     best = np.argmax(np.where(far, scores, 0.0), axis=1)
@@ -94,13 +88,13 @@ def test_a_repeated_stretch_is_found_where_it_was_planted():
 
 
 def test_a_stretch_walked_back_is_found_turned_round():
-    scores = magnetic_similarity(*there_and(True), PARAMETERS).scores
+    scores = magnetic.magnetic_similarity(*there_and(True), PARAMETERS).scores
     rows = np.arange(5, 50)
     assert scores[rows, 119 - rows].min() > 0.6
 
 
 def test_scores_are_symmetric_bounded_and_one_for_a_stretch_and_itself():
-    scores = magnetic_similarity(*there_and(False), PARAMETERS).scores
+    scores = magnetic.magnetic_similarity(*there_and(False), PARAMETERS).scores
     assert scores == pytest.approx(scores.T)
     assert np.diag(scores) == pytest.approx(1.0)
     assert scores.min() >= 0.0
@@ -109,8 +103,9 @@ def test_scores_are_symmetric_bounded_and_one_for_a_stretch_and_itself():
 
 @pytest.mark.parametrize("back", [False, True])
 def test_the_magnetism_of_the_phone_changes_nothing(back):
-    clean = magnetic_similarity(*there_and(back), PARAMETERS).scores
-    biased = magnetic_similarity(*there_and(back, bias_ut=(20.0, -35.0, 8.0)), PARAMETERS).scores
+    clean = magnetic.magnetic_similarity(*there_and(back), PARAMETERS).scores
+    turned = there_and(back, bias_ut=(20.0, -35.0, 8.0))
+    biased = magnetic.magnetic_similarity(*turned, PARAMETERS).scores
     assert biased == pytest.approx(clean, abs=1e-5)
 
 
@@ -118,7 +113,7 @@ def test_the_strength_of_the_field_does_not_matter():
     magnetometer, orientation, nodes = there_and(False)
     stronger = Magnetometer(magnetometer.t_s, 3.0 * magnetometer.field_ut)
     here, there = (
-        magnetic_similarity(field, orientation, nodes, PARAMETERS).scores
+        magnetic.magnetic_similarity(field, orientation, nodes, PARAMETERS).scores
         for field in (magnetometer, stronger)
     )
     assert there == pytest.approx(here, abs=1e-5)
@@ -128,8 +123,8 @@ def test_levelling_undoes_roll_and_pitch():
     tilt = Rotation.from_euler("xy", [30, 25], degrees=True)
     flat_field, flat_attitude, _ = there_and(False, noise_ut=0.0)
     tilted_field, tilted_attitude, _ = there_and(False, noise_ut=0.0, mounting=tilt)
-    flat = levelled_field(flat_field, flat_attitude)
-    tilted = levelled_field(tilted_field, tilted_attitude)
+    flat = magnetic.levelled_field(flat_field, flat_attitude)
+    tilted = magnetic.levelled_field(tilted_field, tilted_attitude)
     assert tilted[:, 2] == pytest.approx(flat[:, 2])
     assert np.hypot(*tilted[:, :2].T) == pytest.approx(np.hypot(*flat[:, :2].T))
 
@@ -138,16 +133,16 @@ def test_yaw_drift_of_the_orientation_changes_nothing():
     magnetometer, orientation, _ = there_and(True)
     drift = about_vertical(np.linspace(0, 2, len(orientation.t_s)))
     drifted = (drift * Rotation.from_quat(np.array(orientation.world_from_phone))).as_quat()
-    here = levelled_field(magnetometer, orientation)
-    there = levelled_field(magnetometer, Orientation(orientation.t_s, drifted))
+    here = magnetic.levelled_field(magnetometer, orientation)
+    there = magnetic.levelled_field(magnetometer, Orientation(orientation.t_s, drifted))
     assert there == pytest.approx(here)
 
 
 def test_without_orientation_the_magnitude_serves():
     magnetometer, _, nodes = there_and(False)
-    windows = field_sequences(magnetometer, None, nodes, PARAMETERS)
+    windows = magnetic.field_sequences(magnetometer, None, nodes, PARAMETERS)
     assert windows.shape == (119, 17, 1)
-    scores = magnetic_similarity(magnetometer, None, nodes, PARAMETERS).scores
+    scores = magnetic.magnetic_similarity(magnetometer, None, nodes, PARAMETERS).scores
     rows = np.arange(5, 50)
     assert scores[rows, rows + 60].min() > 0.6
 
@@ -156,16 +151,15 @@ def test_a_magnetometer_that_slept_through_the_walk_is_refused():
     magnetometer, orientation, nodes = there_and(False)
     late = Magnetometer(magnetometer.t_s + 1000.0, magnetometer.field_ut)
     with pytest.raises(InputError, match="got 0 samples"):
-        magnetic_similarity(late, orientation, nodes, PARAMETERS)
+        magnetic.magnetic_similarity(late, orientation, nodes, PARAMETERS)
 
 
 def test_returns_of_a_real_walk_are_told_from_other_places(shared_data):
     path = shared_data / "magnetic" / "eight.mat"
     recording, truth = read_magnetic(path, np.random.default_rng(0))
     nodes = nodes_by_distance(recording.odometry, 0.5)
-    similarity = magnetic_similarity(
-        recording.magnetometer, recording.orientation, nodes, PARAMETERS
-    )
+    field, attitude = recording.magnetometer, recording.orientation
+    similarity = magnetic.magnetic_similarity(field, attitude, nodes, PARAMETERS)
     middle_s = (nodes.t_s[1:] + nodes.t_s[:-1]) / 2
     xy_m = interpolate_poses(truth.t_s, truth.world_from_body, middle_s)[:, :2]
     i, j = np.triu_indices(len(xy_m), 12)
@@ -173,3 +167,38 @@ def test_returns_of_a_real_walk_are_told_from_other_places(shared_data):
     candidate = similarity.scores[i, j] >= 0.4
     assert same_place[candidate].mean() > 0.9
     assert candidate[same_place].mean() > 0.5
+
+
+HUM = EmrParameters()
+
+
+def walked_twice(*, back):
+    """Fifty footsteps of random hum, then the same again in order or in reverse."""
+    once = np.exp(np.random.default_rng(2).normal(size=(51, 3)))
+    amplitude = np.vstack([once, once[::-1] if back else once])
+    t_s = np.arange(len(amplitude), dtype=float)
+    walk = Odometry(t_s, np.zeros((len(t_s), 3)), np.full((len(t_s) - 1, 3), 0.1))
+    return Emr(t_s, amplitude), walk
+
+
+@pytest.mark.parametrize("back", [False, True])
+def test_a_stretch_is_found_again_either_way(back):
+    scores = emr_similarity(*walked_twice(back=back), HUM).scores
+    rows = np.arange(10, 40)
+    best = 51 + np.argmax(scores[rows, 51:], axis=1)
+    assert best.tolist() == ((100 - rows) if back else (rows + 51)).tolist()
+    assert scores[rows, best].min() > 0.99
+
+
+def test_a_louder_grid_changes_little():
+    emr, walk = walked_twice(back=False)
+    quiet = replace(HUM, quiet_uv=1e-6)
+    louder = Emr(emr.t_s, 2.0 * emr.amplitude)
+    one, other = (hum_sequences(each, walk, quiet) for each in (louder, emr))
+    assert one == pytest.approx(other, abs=1e-4)
+
+
+def test_hum_that_was_not_recorded_is_refused():
+    emr, walk = walked_twice(back=False)
+    with pytest.raises(InputError, match="EMR: got 0 samples between"):
+        emr_similarity(Emr(emr.t_s + 1000.0, emr.amplitude), walk, HUM)

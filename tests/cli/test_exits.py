@@ -1,12 +1,10 @@
 """Every command and what can be wrong with a path: one line, exit 2, nothing half-written."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -14,6 +12,7 @@ import pytest
 from elfslam.base.extras import installing
 from elfslam.cli.app import VERBS, run
 
+Refused = Callable[[str], str]
 TINY = ("--set", "pretrain.steps=1", "--set", "pretrain.pairs=2", "--set", "pretrain.rooms=1")
 READERS = {
     "map": "map {bad} {new}/run",
@@ -91,22 +90,28 @@ def contents(folder: Path) -> dict[Path, bytes | None]:
     return {path: path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
 
 
-def assert_refused(line: str, capsys: pytest.CaptureFixture[str]) -> str:
-    capsys.readouterr()
-    code = run_command(line)
-    seen = capsys.readouterr()
-    assert (code, seen.out) == (2, "")
-    assert len(seen.err.splitlines()) == 1
-    assert seen.err.startswith("elfslam: ")
-    return seen.err
+@pytest.fixture
+def refused(capsys: pytest.CaptureFixture[str]) -> Refused:
+    """The one line by which a command is refused."""
+
+    def said(line: str) -> str:
+        capsys.readouterr()
+        code = run_command(line)
+        seen = capsys.readouterr()
+        assert (code, seen.out) == (2, "")
+        assert len(seen.err.splitlines()) == 1
+        assert seen.err.startswith("elfslam: ")
+        return seen.err
+
+    return said
 
 
 @pytest.mark.parametrize("bad", BAD)
 @pytest.mark.parametrize("command", READERS.values(), ids=READERS)
 def test_a_wrong_path_to_read_is_refused_in_one_line(
-    command: str, bad: str, good: dict[str, Path], place: Path, capsys: pytest.CaptureFixture[str]
+    command: str, bad: str, good: dict[str, Path], place: Path, refused: Refused
 ) -> None:
-    assert_refused(command.format(bad=place / bad, new=place / "new", **good), capsys)
+    refused(command.format(bad=place / bad, new=place / "new", **good))
 
 
 @pytest.mark.parametrize(
@@ -118,28 +123,26 @@ def test_a_wrong_path_to_read_is_refused_in_one_line(
     ],
 )
 def test_a_place_that_cannot_be_written_is_refused_in_one_line(
-    command: str, out: str, good: dict[str, Path], place: Path, capsys: pytest.CaptureFixture[str]
+    command: str, out: str, good: dict[str, Path], place: Path, refused: Refused
 ) -> None:
-    assert_refused(command.format(out=place / out, **good), capsys)
+    refused(command.format(out=place / out, **good))
 
 
 @pytest.mark.parametrize("alone", [False, True], ids=["run", "map.npz alone"])
 def test_a_map_whose_encoder_is_gone_is_refused(
-    alone: bool, good: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    alone: bool, good: dict[str, Path], tmp_path: Path, refused: Refused
 ) -> None:
     (tmp_path / "run").mkdir()
     shutil.copy(good["run"] / "map.npz", tmp_path / "run")
     floor_map = tmp_path / "run" / ("map.npz" if alone else "")
     line = f"locate {good['walk']} {floor_map} {tmp_path / 'fixes.csv'}"
-    said = assert_refused(line, capsys)
+    said = refused(line)
     assert f"{tmp_path / 'run' / 'encoder.onnx'}: is missing" in said
     assert "--encoder" in said
     assert run_command(f"{line} --encoder compact") == 0
 
 
-def test_a_map_without_learning_needs_no_encoder_beside_it(
-    good: dict[str, Path], tmp_path: Path
-) -> None:
+def test_maps_without_learning_need_no_encoder(good: dict[str, Path], tmp_path: Path) -> None:
     assert run_command(f"map {good['walk']} {tmp_path / 'run'} --encoder spectral") in (0, 1)
     line = f"locate {good['walk']} {tmp_path / 'run'} {tmp_path / 'fixes.csv'}"
     assert run_command(line) in (0, 1)
@@ -147,7 +150,7 @@ def test_a_map_without_learning_needs_no_encoder_beside_it(
 
 
 def test_walks_left_out_of_a_score_are_listed(
-    good: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    good: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], refused: Refused
 ) -> None:
     for name in ("known", "secret"):
         shutil.copytree(good["run"], tmp_path / "runs" / name)
@@ -159,17 +162,17 @@ def test_walks_left_out_of_a_score_are_listed(
     assert '"scored": 1' in seen.out
     assert seen.err.startswith("not scored: secret: ")
     (tmp_path / "walks" / "known" / "truth.tum").unlink()
-    said = assert_refused(f"score {tmp_path / 'runs'} {tmp_path / 'walks'}", capsys)
+    said = refused(f"score {tmp_path / 'runs'} {tmp_path / 'walks'}")
     assert "none of 2 runs" in said
 
 
 def test_a_folder_of_recordings_none_of_which_can_be_mapped_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, refused: Refused
 ) -> None:
     for name in ("one", "two"):
         (tmp_path / "walks" / name).mkdir(parents=True)
         (tmp_path / "walks" / name / "recording.json").write_text("{}")
-    said = assert_refused(f"map {tmp_path / 'walks'} {tmp_path / 'runs'}", capsys)
+    said = refused(f"map {tmp_path / 'walks'} {tmp_path / 'runs'}")
     assert "none of 2 could be mapped" in said
     assert "format_version" in said
     assert not (tmp_path / "runs").exists()
@@ -236,9 +239,8 @@ def test_without_extras_every_verb_works_or_names_the_one_it_needs(
         [sys.executable, "-c", f"HIDDEN = {HIDDEN}{HIDE}"],
         input=json.dumps(lines), capture_output=True, text=True, check=True,
     )  # fmt: skip
-    for line, told, extra in zip(
-        lines, ended.stdout.splitlines(), WITHOUT_EXTRAS.values(), strict=True
-    ):
+    tried = zip(lines, ended.stdout.splitlines(), WITHOUT_EXTRAS.values(), strict=True)
+    for line, told, extra in tried:
         code, said = json.loads(told)
         assert ("is not installed" in said) == (extra is not None), line
         if extra is not None:

@@ -1,7 +1,5 @@
 """A verb imports what it needs, and nothing of the others."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """Ctrl-C ends the command with 130 and in silence, at any moment, and leaves nothing half-done."""
 
-from __future__ import annotations
-
 import os
 import random
 import signal
@@ -84,9 +82,8 @@ def test_twice_is_as_once(walk: Path, tmp_path: Path) -> None:
     plant = "os.fsync = syncing; remove = os.unlink\n"
     plant += "def removing(path, **named):\n    os.kill(os.getpid(), signal.SIGINT)\n"
     plant += "    os.unlink = remove\n    remove(path, **named)\nos.unlink = removing\n"
-    process = begun(
-        AT.format(module="", plant=plant) + ELFSLAM, ["map", str(walk), "run"], tmp_path
-    )
+    script = AT.format(module="", plant=plant) + ELFSLAM
+    process = begun(script, ["map", str(walk), "run"], tmp_path)
     assert (*process.communicate(), process.returncode) == ("", "", 130)
     assert list(tmp_path.iterdir()) == []
 

@@ -1,9 +1,8 @@
 """Every verb that writes, and every place that is not to be written: one line, and all is kept."""
 
-from __future__ import annotations
-
 import os
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -11,6 +10,7 @@ from PIL import Image
 
 from elfslam.cli.app import VERBS, command_of, run
 
+Said = Callable[..., str]
 FILES = {
     "locate": "locate {walk} {run} {out} --phone-walk {other} --parameters {toml} --encoder {onnx}",
     "export tum": "export {npz} {out} --to tum",
@@ -100,19 +100,22 @@ def contents(folder: Path) -> dict[Path, bytes | None]:
     return {path: path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
 
 
-def said_of(
-    place: Path, line: str, out: object, capsys: pytest.CaptureFixture[str], *more: str
-) -> str:
+@pytest.fixture
+def said_of(place: Path, capsys: pytest.CaptureFixture[str]) -> Said:
     """The one line by which a command is refused that is to write to `out`; all is kept."""
     given = {name: place / file for name, file in INPUTS.items()}
-    before = contents(place)
-    capsys.readouterr()
-    code = run([*(part.format(out=out, **given) for part in line.split()), *more])
-    seen = capsys.readouterr()
-    assert (code, seen.out) == (2, ""), seen.err
-    assert len(seen.err.splitlines()) == 1
-    assert contents(place) == before
-    return seen.err
+
+    def said(line: str, out: object, *more: str) -> str:
+        before = contents(place)
+        capsys.readouterr()
+        code = run([*(part.format(out=out, **given) for part in line.split()), *more])
+        seen = capsys.readouterr()
+        assert (code, seen.out) == (2, ""), seen.err
+        assert len(seen.err.splitlines()) == 1
+        assert contents(place) == before
+        return seen.err
+
+    return said
 
 
 def has_force(line: str) -> bool:
@@ -120,9 +123,7 @@ def has_force(line: str) -> bool:
 
 
 def test_every_verb_that_writes_is_tried_here() -> None:
-    writing = {
-        name for name in VERBS if any(each.name == "out" for each in command_of(name).params)
-    }
+    writing = {verb for verb in VERBS if any(at.name == "out" for at in command_of(verb).params)}
     assert {line.split()[0] for line in (*FILES.values(), *FOLDERS.values())} == writing
     assert writing | set(READ_ONLY) == set(VERBS)
     assert not writing & set(READ_ONLY)
@@ -132,28 +133,24 @@ def test_every_verb_that_writes_is_tried_here() -> None:
 @pytest.mark.parametrize("name", [*FILES, *FOLDERS])
 @pytest.mark.parametrize("out", NOWHERE)
 def test_no_result_goes_into_the_current_folder_or_above(
-    name: str, out: str, place: Path, capsys: pytest.CaptureFixture[str]
+    name: str, out: str, place: Path, said_of: Said
 ) -> None:
-    said = said_of(place, (FILES | FOLDERS)[name], out.format(here=place / "here"), capsys)
+    said = said_of((FILES | FOLDERS)[name], out.format(here=place / "here"))
     assert "is the current folder or one above it; name a new place" in said
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_an_older_file_is_kept_without_force(
-    name: str, place: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_older_files_are_kept(name: str, place: Path, said_of: Said) -> None:
     """It is said before anything is read: none of the inputs is what it is called."""
     old = (place / "here" / "notes.txt").with_suffix(ENDINGS.get(name, ".txt"))
     for out in (old, os.path.relpath(old)):
-        said = said_of(place, FILES[name], out, capsys)
+        said = said_of(FILES[name], out)
         assert "already exists" in said
         assert "or replace an older result with --force" in said
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_force_never_replaces_what_belongs_to_others(
-    name: str, place: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_force_never_replaces_what_belongs_to_others(name: str, place: Path, said_of: Said) -> None:
     """Neither by its own name nor by a link: files of recordings, runs, maps and servers."""
     ending = ENDINGS.get(name, ".json")
     files = [(place / owned).with_suffix(ending) for owned in OWNED]
@@ -163,14 +160,12 @@ def test_force_never_replaces_what_belongs_to_others(
         link = place / f"{count}{ending}"
         link.symlink_to(file)
         for out in (file, link):
-            said = said_of(place, FILES[name], out, capsys, "--force")
+            said = said_of(FILES[name], out, "--force")
             assert "belongs to" in said or "is read from there" in said
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_force_never_replaces_what_is_read(
-    name: str, place: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_force_spares_inputs(name: str, place: Path, said_of: Said) -> None:
     ending = ENDINGS.get(name, "")
     for what, file in INPUTS.items():
         if f"{{{what}}}" not in FILES[name] or not (place / file).is_file():
@@ -179,51 +174,45 @@ def test_force_never_replaces_what_is_read(
         soft.symlink_to(place / file)
         hard.hardlink_to(place / file)
         for out in (soft, hard, *([place / file] if file.endswith(ending) else [])):
-            assert "is read from there" in said_of(place, FILES[name], out, capsys, "--force")
+            assert "is read from there" in said_of(FILES[name], out, "--force")
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_a_folder_is_not_replaced_by_a_file(
-    name: str, place: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_folders_stay_folders(name: str, place: Path, said_of: Said) -> None:
     folder = place / f"folder{ENDINGS.get(name, '')}"
     folder.mkdir()
-    assert "is no file" in said_of(place, FILES[name], folder, capsys, "--force")
+    assert "is no file" in said_of(FILES[name], folder, "--force")
 
 
 @pytest.mark.parametrize("name", ["export ros", "pretrain"])
-def test_files_that_come_beside_are_kept_too(
-    name: str, place: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_files_that_come_beside_are_kept_too(name: str, place: Path, said_of: Said) -> None:
     beside = place / ("new.pgm" if name == "export ros" else "new.losses.html")
     beside.write_text("mine")
-    said = said_of(place, FILES[name], place / f"new{ENDINGS[name]}", capsys)
+    said = said_of(FILES[name], place / f"new{ENDINGS[name]}")
     assert f"{beside}: already exists" in said
 
 
 @pytest.mark.parametrize("name", FOLDERS)
-def test_a_folder_of_others_is_kept(
-    name: str, place: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_alien_folders_are_kept(name: str, place: Path, said_of: Said) -> None:
     """Without force whatever it is, with force all but an older result of the same kind."""
     line, out = FOLDERS[name], place / "lap"
     if name == "demo":
         shutil.copytree(place / "lap", place / "demo" / "run")
         out = place / "demo"
     for more in [(), ("--force",)] if has_force(line) else [()]:
-        said = said_of(place, line, out, capsys, *more)
+        said = said_of(line, out, *more)
         assert ("so it is kept" in said) if more else ("already exists" in said)
 
 
 @pytest.mark.parametrize("name", ["map", "merge", "superimpose"])
 def test_an_older_result_that_holds_what_is_read_is_kept(
-    name: str, place: Path, capsys: pytest.CaptureFixture[str]
+    name: str, place: Path, said_of: Said
 ) -> None:
     holder = place / ("run" if name == "map" else "merged")
     (holder / "inputs").mkdir()
     shutil.copy(place / "some.toml", holder / "inputs")
     line = FOLDERS[name].replace("{toml}", str(holder / "inputs" / "some.toml"))
-    assert "is read from there" in said_of(place, line, holder, capsys, "--force")
+    assert "is read from there" in said_of(line, holder, "--force")
 
 
 def test_force_replaces_a_file(place: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,7 +1,5 @@
 """With little memory to have, every verb says so in one line and ends: none waits for ever."""
 
-from __future__ import annotations
-
 import resource
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """A small recording with every sensor, its truth, and the run made from it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -40,9 +38,7 @@ def _odometry(generator: np.random.Generator) -> values.Odometry:
 @pytest.fixture
 def truth() -> values.Truth:
     """Poses with heading."""
-    return values.Truth(
-        np.array([0.0, 1.0, 2.0]), np.array([[0, 0, 0.1], [1, 0, 3.0], [1, 1, -3.0]])
-    )
+    return values.Truth([0.0, 1.0, 2.0], np.array([[0, 0, 0.1], [1, 0, 3.0], [1, 1, -3.0]]))
 
 
 @pytest.fixture
@@ -55,17 +51,12 @@ def run() -> values.Run:
     vectors /= np.linalg.norm(vectors, axis=1, keepdims=True)
     echo_t_s = np.arange(30) * 0.1
     samples = 1e-3 * generator.standard_normal((30, values.ECHO_SAMPLES))
+    moves, covariance = generator.standard_normal((2, 3)), np.stack([spread, 2 * spread])
     return values.Run(
         name="hall",
         odometry=odometry,
         similarity=values.Similarity(generator.uniform(-1, 1, (6, 6)), "elf"),
-        closures=values.Closures(
-            np.array([0, 1]),
-            np.array([4, 5]),
-            np.array([0.5, 0.75]),
-            generator.standard_normal((2, 3)),
-            np.stack([spread, 2 * spread]),
-        ),
+        closures=values.Closures([0, 1], [4, 5], [0.5, 0.75], moves, covariance),
         trajectory=values.Trajectory(
             odometry.t_s, odometry.world_from_body, np.tile(spread, (6, 1, 1)), [1.0, 0.0], "OK"
         ),

@@ -1,7 +1,5 @@
 """One short walk as other programs write it: what their users do to such files, one kind each."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Callable, Mapping
@@ -120,7 +118,6 @@ def told(path: Path) -> tuple[str, Imported | None]:
         known = recognise(path)
         assert known is not None
         (item,) = read_logs(known, path, np.random.default_rng(0))
-        assert isinstance(item, Imported)
     except InputError as refused:
         return f"refused: {str(refused).removeprefix(f'{path}: ').split(':')[0]}", None
     recording = item.recording

@@ -3,8 +3,6 @@
 Rules of geometry are those of RFC 7946: rings closed, outer ones counter-clockwise.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import uuid

@@ -1,7 +1,5 @@
 """A map as a phone puts it together from its parts; the pages do the same in JavaScript."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Nothing half-written stays, nothing else is overwritten, and what a kill left is mended."""
 
-from __future__ import annotations
-
 import errno
 import os
 from collections.abc import Callable, Iterator, Sequence
@@ -13,15 +11,8 @@ from killed import survives
 
 from elfslam.app.anchor import ANCHOR, FOLLOWED
 from elfslam.base.errors import StoreError
-from elfslam.data.atomic_files import (
-    new_file,
-    new_folder,
-    refuse_occupied,
-    refuse_read,
-    replaced_file,
-    settled,
-    sha256_of,
-)
+from elfslam.data import atomic_files
+from elfslam.data.atomic_files import new_file, new_folder, refuse_read, settled, sha256_of
 from elfslam.data.map_files import FACTS, MERGED
 from elfslam.data.recordings import MANIFEST
 from elfslam.serve.store.opening import STORE
@@ -40,14 +31,18 @@ def _half_written_file(file: Path) -> None:
         raise ZeroDivisionError
 
 
+def refuse(words: str, new: Callable[..., Any], place: Path, **how: Any) -> None:
+    """Nothing may be written there, which is said before the work is begun."""
+    with pytest.raises(StoreError, match=words), new(place, **how):
+        raise AssertionError("the work was begun")
+
+
 def test_a_folder_appears_whole(tmp_path: Path) -> None:
     wanted = tmp_path / "deep" / "new"
     with new_folder(wanted) as partial:
         (partial / "a").write_text("x")
         assert not wanted.exists()
-    assert [path.relative_to(tmp_path) for path in tmp_path.rglob("a")] == [
-        Path("deep", "new", "a")
-    ]
+    assert list(tmp_path.rglob("a")) == [wanted / "a"]
 
 
 def test_an_empty_folder_may_be_filled(tmp_path: Path) -> None:
@@ -60,12 +55,10 @@ def test_an_empty_folder_may_be_filled(tmp_path: Path) -> None:
 
 def test_a_file_in_the_way_is_kept(tmp_path: Path) -> None:
     (tmp_path / "new").write_text("precious")
-    with pytest.raises(StoreError, match="already exists"), new_folder(tmp_path / "new"):
-        pass
-    with pytest.raises(StoreError, match="cannot be written"), new_folder(tmp_path / "new" / "b"):
-        pass
-    with pytest.raises(StoreError, match="cannot be written"), new_file(tmp_path / "new" / "b"):
-        pass
+    refuse("already exists", new_folder, tmp_path / "new")
+    refuse("already exists", new_file, tmp_path / "new")
+    refuse("cannot be written", new_folder, tmp_path / "new" / "b")
+    refuse("cannot be written", new_file, tmp_path / "new" / "b")
     assert (tmp_path / "new").read_text() == "precious"
 
 
@@ -79,15 +72,6 @@ def test_a_file_is_replaced_whole_or_not_at_all(tmp_path: Path) -> None:
         partial.write_text("new")
     assert file.read_text() == "new"
     assert list(tmp_path.iterdir()) == [file]
-
-
-def test_an_older_file_is_kept_unless_that_is_asked_for(tmp_path: Path) -> None:
-    file = tmp_path / "fixes.csv"
-    file.write_text("old")
-    done = []
-    with pytest.raises(StoreError, match="already exists"), new_file(file):
-        done.append("the work")
-    assert (file.read_text(), done) == ("old", [])
 
 
 def test_a_file_that_came_first_is_kept(tmp_path: Path) -> None:
@@ -117,9 +101,7 @@ def test_a_file_that_became_part_of_a_run_is_kept(tmp_path: Path) -> None:
     assert (tmp_path / "map.npz").read_text() == "theirs"
 
 
-def test_without_hard_links_a_file_is_renamed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_hard_links_it_is_renamed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(source: Path, target: Path) -> None:
         raise PermissionError(errno.EPERM, "Operation not permitted")
 
@@ -127,24 +109,20 @@ def test_without_hard_links_a_file_is_renamed(
     with new_file(tmp_path / "fixes.csv") as partial:
         partial.write_text("new")
     assert (tmp_path / "fixes.csv").read_text() == "new"
-    with pytest.raises(StoreError), new_file(tmp_path / "fixes.csv"):
-        pass
+    refuse("already exists", new_file, tmp_path / "fixes.csv")
 
 
 @pytest.mark.parametrize(
     "marker", [MANIFEST, FACTS, MERGED, ANCHOR, FOLLOWED, f"../{STORE}"], ids=os.path.basename
 )
-def test_a_file_of_a_recording_a_run_a_map_or_a_server_is_never_replaced(
-    tmp_path: Path, marker: str
-) -> None:
+def test_files_of_recordings_runs_maps_and_servers_are_kept(tmp_path: Path, marker: str) -> None:
     folder = tmp_path / "folder"
     folder.mkdir()
     (folder / "audio.flac").write_text("precious")
     (folder / marker).write_text("{}")
     (tmp_path / "link").symlink_to(folder / "audio.flac")
     for out in (folder / "audio.flac", tmp_path / "link"):
-        with pytest.raises(StoreError, match="belongs to"), new_file(out, overwrite=True):
-            pass
+        refuse("belongs to", new_file, out, overwrite=True)
     assert (folder / "audio.flac").read_text() == "precious"
 
 
@@ -161,11 +139,7 @@ def test_what_is_read_is_never_replaced(tmp_path: Path) -> None:
         (source, source), (tmp_path / "link", source), (tmp_path / "hard", source),
         (source, tmp_path / "link"), (source, tmp_path / "map"),
     ):  # fmt: skip
-        with (
-            pytest.raises(StoreError, match="is read"),
-            new_file(out, overwrite=True, reads=[read]),
-        ):
-            pass
+        refuse("is read", new_file, out, overwrite=True, reads=[read])
     with pytest.raises(StoreError, match="is read"):
         refuse_read(tmp_path / "run", [tmp_path / "run" / "deep" / "walk"])
     refuse_read(tmp_path / "map", [source])  # no result, so nothing replaces it
@@ -182,11 +156,7 @@ def test_the_current_folder_and_those_above_are_no_place(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, new: Callable[[Path], Any], out: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    with (
-        pytest.raises(StoreError, match="is the current folder or one above it"),
-        new(Path(out.format(here=tmp_path))),
-    ):
-        pass
+    refuse("is the current folder or one above it", new, Path(out.format(here=tmp_path)))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -197,7 +167,7 @@ def test_a_file_of_its_own_is_replaced_and_a_link_there_is_not_followed(tmp_path
     (own / "run.json").write_text("{}")
     (own / "score.html").symlink_to(foreign)
     for text in ("one", "two"):
-        with replaced_file(own / "score.html") as partial:
+        with atomic_files.replaced_file(own / "score.html") as partial:
             partial.write_text(text)
         assert (own / "score.html").read_text() == text
     assert foreign.read_text() == "precious"
@@ -220,8 +190,7 @@ def test_an_error_about_another_file_is_not_one_of_the_place(tmp_path: Path) -> 
 def test_what_is_no_file_is_not_replaced_by_one(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     for place in (tmp_path, tmp_path / "pipe"):
-        with pytest.raises(StoreError, match="is no file that"), new_file(place):
-            pass
+        refuse("is no file that", new_file, place)
     assert (tmp_path / "pipe").is_fifo()
 
 
@@ -249,11 +218,7 @@ def test_folders_made_on_the_way_go_with_what_failed(tmp_path: Path) -> None:
 @pytest.mark.parametrize("new", [new_folder, new_file])
 def test_two_never_write_at_one_place(tmp_path: Path, new: Callable[[Path], Any]) -> None:
     with new(tmp_path / "out") as partial:
-        with (
-            pytest.raises(StoreError, match="out: somebody else is writing"),
-            new(tmp_path / "out"),
-        ):
-            pass
+        refuse("out: somebody else is writing", new, tmp_path / "out")
         if new is new_file:
             partial.write_text("first")
     assert [item.name for item in tmp_path.iterdir()] == ["out"]
@@ -370,7 +335,7 @@ def test_a_replacement_killed_at_any_step_is_finished_or_taken_back(tmp_path: Pa
     for step in range(200):
         out = tmp_path / str(step) / "out"
         made(out, "old")
-        if survives(step, lambda out=out: made(out, "new")):  # type: ignore[misc]
+        if survives(step, lambda out=out: made(out, "new")):
             break
         [whole] = seen(settled(out))
         found.append(whole)
@@ -385,7 +350,7 @@ def test_a_replacement_killed_at_any_step_is_finished_or_taken_back(tmp_path: Pa
 def test_a_first_result_killed_at_any_step_leaves_nothing_for_ever(tmp_path: Path) -> None:
     for step in range(200):
         out = tmp_path / str(step) / "out"
-        if survives(step, lambda out=out: made(out, "new")):  # type: ignore[misc]
+        if survives(step, lambda out=out: made(out, "new")):
             break
         assert not out.exists() or seen(out) == {"new"}
         made(out, "newest")
@@ -401,7 +366,7 @@ def test_a_file_killed_at_any_step_is_old_or_new(tmp_path: Path) -> None:
     for step in range(100):
         file = tmp_path / str(step) / "file"
         write(file, "old")
-        if survives(step, lambda file=file: write(file, "new")):  # type: ignore[misc]
+        if survives(step, lambda file=file: write(file, "new")):
             break
         assert file.read_text() in ("old", "new")
         write(file, "newest")
@@ -415,7 +380,7 @@ def test_a_kill_between_both_renames_is_seen_before_the_work(tmp_path: Path) -> 
     made(out, "old")
     out.rename(tmp_path / ".out.replaced")
     with pytest.raises(StoreError, match="already exists"):
-        refuse_occupied(out, None)
+        atomic_files.refuse_occupied(out, None)
     assert seen(out) == {"old"}
     assert [item.name for item in tmp_path.iterdir()] == ["out"]
 
@@ -431,8 +396,7 @@ def read_only(tmp_path: Path) -> Iterator[Path]:
 def test_a_read_only_place_is_named(read_only: Path, new: Callable[[Path], Any]) -> None:
     for place in (read_only / "out", read_only / "deep" / "out"):
         said = rf"{place}: cannot be written \(Read-only file system\)"
-        with pytest.raises(StoreError, match=said), new(place):
-            pass
+        refuse(said, new, place)
 
 
 def test_the_digest_of_a_file(tmp_path: Path) -> None:

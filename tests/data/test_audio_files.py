@@ -1,7 +1,5 @@
 """Sound on disk; cut-off files are refused in test_recordings."""
 
-from __future__ import annotations
-
 import resource
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -86,6 +84,8 @@ def test_frames_lie_at_their_times_on_silence(tmp_path: Path, name: str) -> None
         ([-0.1, 0.1, 0.2], "at times from 0 on"),
         ([0.0, 100.0, 200.0], "wanted seconds"),
         ([0.0, 0.2, 0.1], "runs backward at row 4"),
+        ([0.0, 0.1, 1e4], r"frames\.csv: its length claims"),
+        ([0.0, 0.1, 1e300], r"frames\.csv: its length claims"),
     ],
 )
 def test_frames_that_do_not_fit_are_refused(tmp_path: Path, t_s: list[float], says: str) -> None:
@@ -112,13 +112,6 @@ def test_a_length_that_no_file_of_that_size_has_is_refused(tmp_path: Path, sampl
         read_audio(file)
 
 
-@pytest.mark.parametrize("last_s", [1e4, 1e300])
-def test_a_time_line_that_sound_does_not_fill_is_refused(tmp_path: Path, last_s: float) -> None:
-    write_frames(tmp_path, np.zeros((3, 3528)), [0.0, 0.1, last_s])
-    with pytest.raises(InputError, match=r"frames\.csv: its length claims"):
-        read_recorded_sound(tmp_path)
-
-
 def test_sound_that_is_not_finite_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "audio.wav"
     soundfile.write(file, np.array([0.0, np.nan]), RATE_HZ, subtype="FLOAT")
@@ -131,9 +124,7 @@ def test_a_folder_without_sound_has_none(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("bits", [16, 24, 32])
-def test_floats_in_the_scale_of_whole_numbers_are_divided_and_it_is_said(
-    tmp_path: Path, bits: int
-) -> None:
+def test_floats_in_the_scale_of_whole_numbers_are_divided_aloud(tmp_path: Path, bits: int) -> None:
     noise = np.random.default_rng(0).uniform(-0.9, 0.9, (900, 2))
     file, scale = tmp_path / "audio.wav", 2 ** (bits - 1)
     soundfile.write(file, noise * scale, RATE_HZ, subtype="FLOAT")
@@ -156,9 +147,7 @@ def test_floats_about_full_scale_are_left_as_they_are(tmp_path: Path, peak: floa
     ("rate_hz", "wanted_hz"),
     [(88_200, 44_100), (96_000, 48_000), (176_400, 44_100), (192_000, 48_000), (44_100, 44_100)],
 )
-def test_multiples_of_the_rates_are_resampled_true_in_the_chirp_band(
-    rate_hz: int, wanted_hz: int
-) -> None:
+def test_multiples_of_the_rates_are_resampled_true_in_band(rate_hz: int, wanted_hz: int) -> None:
     def tones(at_hz: int) -> np.ndarray:
         t_s = np.arange(at_hz // 5) / at_hz
         return np.array([np.sin(2 * np.pi * hz * t_s) for hz in (15_000, 20_000)])

@@ -1,7 +1,5 @@
 """The chirp band alone: what goes in comes out, at the same moment."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import asdict
@@ -16,15 +14,6 @@ from elfslam.base.errors import InputError
 from elfslam.base.values import Audio, Recording
 from elfslam.data import baseband as module
 from elfslam.data.audio_files import read_recorded_sound
-from elfslam.data.baseband import (
-    BasebandFormat,
-    frame_starts_s,
-    from_baseband,
-    in_band,
-    read_baseband,
-    to_baseband,
-    write_baseband,
-)
 from elfslam.data.recordings import read_recording, write_recording
 from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.stages.echo import EchoParameters, cut_echoes
@@ -54,7 +43,7 @@ def heard(rate_hz: int, *, chirps: int = 25, latency_s: float = LATENCY_S) -> Au
 def sent(audio: Audio) -> Audio:
     """The sound after the way through the baseband."""
     chirp = make_chirp(ChirpParameters(), audio.rate_hz)
-    return from_baseband(to_baseband(audio, frame_starts_s(audio, chirp)))
+    return module.from_baseband(module.to_baseband(audio, module.frame_starts_s(audio, chirp)))
 
 
 @pytest.mark.parametrize("rate_hz", RATES_HZ)
@@ -78,7 +67,7 @@ def test_echoes_come_back_at_the_same_sample_55_db_above_the_difference(rate_hz:
 def test_it_is_the_analytic_signal_shifted_down(rate_hz: int) -> None:
     t_s = np.arange(rate_hz) / rate_hz
     tone = 0.5 * np.cos(2 * np.pi * 16_250 * t_s + 0.3)
-    made = to_baseband(Audio(tone[None], rate_hz), np.array([0.2, 0.31]))
+    made = module.to_baseband(Audio(tone[None], rate_hz), np.array([0.2, 0.31]))
     assert made.first.tolist() == [1260, 1953]
     values = (made.iq[..., 0] + 1j * made.iq[..., 1]) * made.scale[:, None]
     grid_s = made.t_s[:, None] + np.arange(504) / 6300
@@ -88,40 +77,40 @@ def test_it_is_the_analytic_signal_shifted_down(rate_hz: int) -> None:
 
 def test_blocks_are_seamless(monkeypatch: pytest.MonkeyPatch) -> None:
     audio, starts_s = heard(48_000), LATENCY_S + np.arange(20) * 0.1
-    whole = to_baseband(audio, starts_s)
-    sound = from_baseband(whole)
+    whole = module.to_baseband(audio, starts_s)
+    sound = module.from_baseband(whole)
     monkeypatch.setattr(module, "BLOCK", 1000)
-    np.testing.assert_allclose(to_baseband(audio, starts_s).iq, whole.iq, atol=1)
-    np.testing.assert_allclose(from_baseband(whole).samples, sound.samples, atol=1e-6)
+    np.testing.assert_allclose(module.to_baseband(audio, starts_s).iq, whole.iq, atol=1)
+    np.testing.assert_allclose(module.from_baseband(whole).samples, sound.samples, atol=1e-6)
 
 
 def test_frames_begin_in_the_recording_and_end_in_it() -> None:
-    made = to_baseband(heard(48_000, chirps=3), np.array([-0.003, 0.1, 0.4, 0.45]))
+    made = module.to_baseband(heard(48_000, chirps=3), np.array([-0.003, 0.1, 0.4, 0.45]))
     np.testing.assert_allclose(made.t_s, [0.0, 0.1, 0.4], atol=1e-4)
     with pytest.raises(InputError, match="holds no whole frame"):
-        to_baseband(heard(48_000, chirps=3), np.array([5.0]))
+        module.to_baseband(heard(48_000, chirps=3), np.array([5.0]))
 
 
 def test_a_given_scale_clips_and_does_not_wrap() -> None:
     audio = heard(48_000)
-    made = to_baseband(audio, np.array([LATENCY_S]), scale=1e-6)
+    made = module.to_baseband(audio, np.array([LATENCY_S]), scale=1e-6)
     assert made.scale.tolist() == [1e-6]
     assert np.abs(made.iq.astype(int)).max() == 32_767
-    honest = to_baseband(audio, np.array([LATENCY_S])).iq
+    honest = module.to_baseband(audio, np.array([LATENCY_S])).iq
     loud = np.abs(honest.astype(int)) > 16_000
     assert (np.sign(made.iq[loud]) == np.sign(honest[loud])).all()
 
 
 def test_silence_is_kept_as_silence() -> None:
-    made = to_baseband(Audio(np.zeros((1, 48_000)), 48_000), np.array([0.1]))
+    made = module.to_baseband(Audio(np.zeros((1, 48_000)), 48_000), np.array([0.1]))
     assert not made.iq.any()
-    assert not from_baseband(made).samples.any()
+    assert not module.from_baseband(made).samples.any()
 
 
 @pytest.mark.parametrize("rate_hz", RATES_HZ)
 def test_files_give_back_what_was_written(tmp_path: Path, rate_hz: int) -> None:
-    made = to_baseband(heard(rate_hz), LATENCY_S + np.arange(20) * 0.1)
-    again = read_baseband(tmp_path, write_baseband(made, tmp_path))
+    made = module.to_baseband(heard(rate_hz), LATENCY_S + np.arange(20) * 0.1)
+    again = module.read_baseband(tmp_path, module.write_baseband(made, tmp_path))
     assert again.kept == made.kept
     np.testing.assert_array_equal(again.first, made.first)
     np.testing.assert_array_equal(again.iq, made.iq)
@@ -131,24 +120,23 @@ def test_files_give_back_what_was_written(tmp_path: Path, rate_hz: int) -> None:
 def test_each_frame_has_the_least_scale_that_clips_nothing() -> None:
     audio = heard(48_000)
     fading = Audio(audio.samples * np.linspace(1, 0.01, audio.samples.shape[1]), 48_000)
-    made = to_baseband(fading, LATENCY_S - 0.005 + np.arange(20) * 0.1)
+    made = module.to_baseband(fading, LATENCY_S - 0.005 + np.arange(20) * 0.1)
     np.testing.assert_array_equal(np.abs(made.iq.astype(int)).max(axis=(1, 2)), 32_767)
     assert made.scale[0] / made.scale[-1] > 3
     assert np.diff(made.scale).max() < 0
 
 
 def test_walks_recorded_with_one_scale_for_all_are_read(tmp_path: Path) -> None:
-    made = to_baseband(heard(48_000), LATENCY_S + np.arange(20) * 0.1, scale=2e-5)
-    described = write_baseband(made, tmp_path)
+    made = module.to_baseband(heard(48_000), LATENCY_S + np.arange(20) * 0.1, scale=2e-5)
+    described = module.write_baseband(made, tmp_path)
     rows = (tmp_path / "baseband.csv").read_text().splitlines()
     assert rows[0] == "t_s,scale"
     before = "".join(f"{row.split(',')[0]}\n" for row in rows)
     (tmp_path / "baseband.csv").write_text(before)
-    again = read_baseband(tmp_path, {**described, "scale": 2e-5})
+    again = module.read_baseband(tmp_path, {**described, "scale": 2e-5})
     np.testing.assert_allclose(again.scale, np.full(20, 2e-5))
-    np.testing.assert_allclose(
-        from_baseband(again).samples, from_baseband(made).samples, rtol=1e-6, atol=1e-9
-    )
+    one, other = (module.from_baseband(each).samples for each in (again, made))
+    np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-9)
 
 
 @pytest.mark.parametrize("scale", ["0", "-1e-5", "2", "nan"])
@@ -159,7 +147,7 @@ def test_a_scale_beyond_belief_is_refused(tmp_path: Path, scale: str) -> None:
     rows[2] = f"{rows[2].split(',')[0]},{scale}"
     file.write_text("\n".join(rows) + "\n")
     with pytest.raises(InputError, match=r"baseband\.csv: row 3 has .* wanted"):
-        read_baseband(tmp_path, described)
+        module.read_baseband(tmp_path, described)
 
 
 def loud_speech(rate_hz: int) -> F64:
@@ -173,9 +161,9 @@ def loud_speech(rate_hz: int) -> F64:
 def test_speech_leaves_nothing_in_what_is_kept(rate_hz: int) -> None:
     """Not even 16 bits of a silent room's own noise would show it: 130 dB."""
     audio = Audio(loud_speech(rate_hz)[None], rate_hz)
-    made = to_baseband(audio, np.array([0.1, 0.3, 0.5]))
+    made = module.to_baseband(audio, np.array([0.1, 0.3, 0.5]))
     assert np.abs(made.iq * made.scale[:, None, None]).max() < 10 ** (-130 / 20)
-    inner = in_band(audio).samples[0, 1000:-1000]
+    inner = module.in_band(audio).samples[0, 1000:-1000]
     assert np.abs(inner).max() < 10 ** (-130 / 20)
 
 
@@ -183,7 +171,7 @@ def test_speech_leaves_nothing_in_what_is_kept(rate_hz: int) -> None:
 def test_the_band_as_sound_is_neither_delayed_nor_changed(rate_hz: int) -> None:
     audio = heard(rate_hz)
     spectrum = np.fft.rfft(audio.samples[0])
-    off = spectrum - np.fft.rfft(in_band(audio).samples[0])
+    off = spectrum - np.fft.rfft(module.in_band(audio).samples[0])
     hz = np.fft.rfftfreq(audio.samples.shape[1], 1 / rate_hz)
     band = (hz >= 15_000) & (hz <= 20_000)
     power, error = ((np.abs(part[band]) ** 2).sum() for part in (spectrum, off))
@@ -192,13 +180,12 @@ def test_the_band_as_sound_is_neither_delayed_nor_changed(rate_hz: int) -> None:
 
 def test_a_recording_is_sent_small_and_read_like_any_other(tmp_path: Path) -> None:
     audio = heard(48_000)
-    small = to_baseband(audio, LATENCY_S - 0.005 + np.arange(20) * 0.1)
+    small = module.to_baseband(audio, LATENCY_S - 0.005 + np.arange(20) * 0.1)
     recording = Recording(name="walk", device="phone", audio=audio)
     write_recording(recording, tmp_path / "walk", baseband=small)
     assert not (tmp_path / "walk" / "audio.flac").exists()
     again = read_recording(tmp_path / "walk")
-    assert again.audio is not None
-    np.testing.assert_array_equal(again.audio.samples, from_baseband(small).samples)
+    np.testing.assert_array_equal(again.audio.samples, module.from_baseband(small).samples)
     assert again.audio.rate_hz == 48_000
     (tmp_path / "walk" / "baseband.iq").unlink()
     with pytest.raises(InputError, match="promises audio and none is there"):
@@ -206,8 +193,8 @@ def test_a_recording_is_sent_small_and_read_like_any_other(tmp_path: Path) -> No
 
 
 def folder_of(tmp_path: Path) -> dict[str, Any]:
-    made = to_baseband(heard(48_000, chirps=5), LATENCY_S + np.arange(4) * 0.1)
-    return write_baseband(made, tmp_path)
+    made = module.to_baseband(heard(48_000, chirps=5), LATENCY_S + np.arange(4) * 0.1)
+    return module.write_baseband(made, tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -231,7 +218,7 @@ def test_damaged_files_are_refused(
     iq.write_bytes(content)
     rows.write_text("\n".join(["t_s", *lines]) + "\n")
     with pytest.raises(InputError, match=says):
-        read_baseband(tmp_path, described)
+        module.read_baseband(tmp_path, described)
 
 
 @pytest.mark.parametrize(
@@ -248,12 +235,10 @@ def test_damaged_files_are_refused(
         ("lead_s", -1),
     ],
 )
-def test_what_recording_json_cannot_mean_is_refused(
-    tmp_path: Path, name: str, given: object
-) -> None:
+def test_what_a_manifest_cannot_mean_is_refused(tmp_path: Path, name: str, given: object) -> None:
     described = folder_of(tmp_path)
     with pytest.raises(InputError, match=rf"recording\.json: baseband\.{name} is"):
-        read_baseband(tmp_path, {**described, name: given})
+        module.read_baseband(tmp_path, {**described, name: given})
 
 
 @pytest.mark.parametrize("described", [None, [], 3, "flac"])
@@ -264,7 +249,7 @@ def test_a_baseband_that_is_not_described_is_refused(tmp_path: Path, described: 
 
 
 def test_the_format_is_that_of_the_phone_page() -> None:
-    said = json.loads(json.dumps(asdict(BasebandFormat(scale=2e-5))))
+    said = json.loads(json.dumps(asdict(module.BasebandFormat(scale=2e-5))))
     assert said == {
         "rate_hz": 6300,
         "centre_hz": 17_500,

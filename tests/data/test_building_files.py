@@ -1,24 +1,18 @@
-"""Buildings on disk: what was written is read, and what is no building is refused."""
-
-from __future__ import annotations
+"""Buildings and levels on disk: what was written is read, and what is none is refused."""
 
 import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from elfslam.base.building import Building, BuildingFloor, Passage
 from elfslam.base.errors import InputError, StoreError
-from elfslam.base.values import LevelPassage
-from elfslam.data.building_files import (
-    BUILDING,
-    floor_folder,
-    is_building,
-    read_building,
-    write_building,
-)
+from elfslam.base.values import LevelPassage, Levels
+from elfslam.data import building_files
+from elfslam.data.level_files import read_levels, write_levels
 
 STAIRS = Passage(LevelPassage.STAIRS, 0, 1, (3.25, -4.0), (5.0, -4.0), 21.5)
 LIFT = Passage(LevelPassage.LIFT, -1, 1, (9.0, 0.5), (9.0, 0.5), 14.0)
@@ -28,14 +22,14 @@ MALL = Building(
 
 
 def test_what_was_written_is_read(tmp_path: Path) -> None:
-    assert not is_building(tmp_path)
-    write_building(MALL, tmp_path)
-    assert is_building(tmp_path)
-    assert read_building(tmp_path) == MALL
+    assert not building_files.is_building(tmp_path)
+    building_files.write_building(MALL, tmp_path)
+    assert building_files.is_building(tmp_path)
+    assert building_files.read_building(tmp_path) == MALL
     assert MALL.levels == (-1, 0, 1)
-    named = json.loads((tmp_path / BUILDING).read_text())["floors"]
+    named = json.loads((tmp_path / building_files.BUILDING).read_text())["floors"]
     assert [tmp_path / each["folder"] for each in named] == [
-        floor_folder(tmp_path, level) for level in MALL.levels
+        building_files.floor_folder(tmp_path, level) for level in MALL.levels
     ]
 
 
@@ -52,17 +46,17 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_no_building_is_refused(tmp_path: Path, change: dict[str, Any], said: str) -> None:
-    write_building(MALL, tmp_path)
-    content = json.loads((tmp_path / BUILDING).read_text())
-    (tmp_path / BUILDING).write_text(json.dumps({**content, **change}))
+    building_files.write_building(MALL, tmp_path)
+    content = json.loads((tmp_path / building_files.BUILDING).read_text())
+    (tmp_path / building_files.BUILDING).write_text(json.dumps({**content, **change}))
     with pytest.raises(StoreError, match=said) as refusal:
-        read_building(tmp_path)
+        building_files.read_building(tmp_path)
     assert "\n" not in str(refusal.value)
 
 
 def test_a_folder_without_one_is_refused(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="is no building"):
-        read_building(tmp_path)
+        building_files.read_building(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -84,3 +78,39 @@ def test_a_building_that_cannot_be_is_refused(
 ) -> None:
     with pytest.raises(InputError, match=said):
         Building("tower", floors, passages)
+
+
+BY_STAIRS = Levels(
+    np.array([0.0, 30.5, 41.0]), np.array([0.0, np.nan, 1.0]), (None, LevelPassage.STAIRS, None)
+)
+
+
+def test_levels_written_are_read(tmp_path: Path) -> None:
+    write_levels(BY_STAIRS, tmp_path / "levels.csv")
+    read = read_levels(tmp_path / "levels.csv")
+    assert np.array_equal(read.t_s, BY_STAIRS.t_s)
+    assert np.array_equal(read.level, BY_STAIRS.level, equal_nan=True)
+    assert read.passages == BY_STAIRS.passages
+
+
+def test_a_level_holds_until_the_next() -> None:
+    at = BY_STAIRS.at(np.array([-1.0, 30.0, 31.0, 41.0, 99.0]))
+    assert np.array_equal(at, [0, 0, np.nan, 1, 1], equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("t_s,level\n0,0\n", "wanted the columns"),
+        ("t_s,level,passage\n", "and a row"),
+        ("", "wanted the columns"),
+        ("t_s,level,passage\n0,ground,\n", "row 2 is '0,ground,"),
+        ("t_s,level,passage\n0,0,\n1,,ladder\n", "row 3 is '1,,ladder"),
+        ("t_s,level,passage\n0,0\n", "row 2 is '0,0"),
+        ("t_s,level,passage\n1,0,\n0,1,\n", "time runs backward"),
+    ],
+)
+def test_what_is_no_level_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    (tmp_path / "levels.csv").write_text(text)
+    with pytest.raises(InputError, match=said):
+        read_levels(tmp_path / "levels.csv")

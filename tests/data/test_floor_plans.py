@@ -1,7 +1,5 @@
 """Floor plans from images and GeoJSON: walls are where they were drawn."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any
@@ -32,9 +30,7 @@ def image() -> Image.Image:
 
 
 @pytest.mark.parametrize("ending", ["png", "pgm", "jpg"])
-def test_ground_is_what_is_light_and_within_walls(
-    image: Image.Image, tmp_path: Path, ending: str
-) -> None:
+def test_ground_is_light_and_within_walls(image: Image.Image, tmp_path: Path, ending: str) -> None:
     image.save(tmp_path / f"plan.{ending}")
     plan = read_plan_image(tmp_path / f"plan.{ending}", 10.0)
     assert plan.cell_m == pytest.approx(0.05)
@@ -67,9 +63,7 @@ def test_transparent_paper_is_light(tmp_path: Path) -> None:
         ("plan.jpg", scanned_jpeg(101, 80), "more than 100 scans"),
     ],
 )
-def test_what_unfolds_to_too_much_is_not_decoded(
-    tmp_path: Path, name: str, content: bytes, words: str
-) -> None:
+def test_what_unfolds_is_refused(tmp_path: Path, name: str, content: bytes, words: str) -> None:
     (tmp_path / name).write_bytes(content)
     with pytest.raises(InputError, match=words):
         read_plan_image(tmp_path / name, 10.0)
@@ -173,9 +167,7 @@ def test_geojson_of_another_kind_is_refused(tmp_path: Path, text: str) -> None:
         read_plan_geojson(tmp_path / "p.geojson")
 
 
-def test_a_plan_of_countless_corners_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_plan_of_many_corners_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = written(tmp_path / "p.geojson", [feature(polygon_of(ORIGIN, (SQUARE,)), {})])
     monkeypatch.setattr("elfslam.data.plan_geojson.MOST_CORNERS", 3)
     with pytest.raises(InputError, match="has 4 corners"):
@@ -209,9 +201,7 @@ def test_only_pictures_are_opened(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("mode", ["1", "P", "RGBA", "CMYK"])
-def test_ground_is_the_same_in_every_kind_of_image(
-    image: Image.Image, tmp_path: Path, mode: str
-) -> None:
+def test_ground_is_the_same_in_any_image(image: Image.Image, tmp_path: Path, mode: str) -> None:
     ending = "jpg" if mode == "CMYK" else "png"
     image.save(tmp_path / "first.png")
     image.convert("RGB").convert(mode).save(tmp_path / f"plan.{ending}")

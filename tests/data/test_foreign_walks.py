@@ -4,8 +4,6 @@
 wanted and what came.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

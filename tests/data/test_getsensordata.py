@@ -1,7 +1,5 @@
 """Logs of GetSensorData, with planted values and the damage that logs have."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -91,10 +89,8 @@ def test_networks_of_both_versions_are_read(tmp_path: Path) -> None:
 def test_landmarks_become_waypoints_in_metres(tmp_path: Path) -> None:
     xy_m = np.array([[0.0, 0.0], [12.5, 0.0], [12.5, -8.25]])
     lon_lat = to_lon_lat(ORIGIN, xy_m)
-    lines = [
-        f"POSI;{START_S + k};{k + 1};{lat:.10f};{lon:.10f};1;2"
-        for k, (lon, lat) in enumerate(lon_lat)
-    ]
+    numbered = enumerate(lon_lat)
+    lines = [f"POSI;{START_S + k};{k + 1};{b:.10f};{a:.10f};1;2" for k, (a, b) in numbered]
     upstairs = f"POSI;{START_S + 9};4;{ORIGIN.latitude_deg + 1e-3};{ORIGIN.longitude_deg};2;2"
     truth = read_getsensordata(log(tmp_path, [*motion(), *lines, upstairs])).truth
     np.testing.assert_allclose(truth.t_s, [0, 1, 2], atol=1e-9)

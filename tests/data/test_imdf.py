@@ -1,7 +1,5 @@
 """IMDF archives: ours pass the rules of the standard; places that break them are told."""
 
-from __future__ import annotations
-
 import copy
 import re
 import zipfile
@@ -26,10 +24,8 @@ PLACE = Venue("Studio", "businesscampus", "Hauptstrasse 1", "Zürich", "CH", "Gr
 NOON = datetime(2026, 1, 2, 12, tzinfo=UTC)
 LAP = np.array([[0, 0], [4, 0], [4, 3], [0, 3], [0, 0]], dtype=float)
 APART = np.array([[8.0, 0.0], [9.0, 2.0]])
-POINTS = (
-    PointOfInterest("Tür", PointKind.DOOR, 0.1, 1.0),
-    PointOfInterest("Lift", PointKind.LIFT, 9.5, 2.5),
-)
+DOOR = PointOfInterest("Tür", PointKind.DOOR, 0.1, 1.0)
+POINTS = (DOOR, PointOfInterest("Lift", PointKind.LIFT, 9.5, 2.5))
 TOML = """
 name = "Studio"
 category = "businesscampus"
@@ -58,9 +54,7 @@ def test_the_archive_is_read_as_it_was_made(tmp_path: Path, archive: dict[str, A
     assert (tmp_path / "a.zip").read_bytes() == (tmp_path / "b.zip").read_bytes()
 
 
-def test_points_of_interest_are_amenities_of_the_nearest_walked_ground(
-    archive: dict[str, Any],
-) -> None:
+def test_points_of_interest_are_amenities_of_the_nearest_ground(archive: dict[str, Any]) -> None:
     door, lift = archive["amenity"]["features"]
     told = [(each["properties"]["category"], each["properties"]["name"]) for each in (door, lift)]
     assert told == [("entry", {"en": "Tür"}), ("elevator", {"en": "Lift"})]

@@ -1,7 +1,5 @@
 """Archives from outside: texts come out, what is hostile is refused before any does."""
 
-from __future__ import annotations
-
 import io
 import lzma
 import tarfile
@@ -114,9 +112,7 @@ def written(t_s: F64, put_back: list[tuple[int, float]]) -> F64:
 
 @settings(max_examples=30)
 @given(jumps)
-def test_a_clock_that_is_put_back_loses_no_row_and_tells_every_jump(
-    put_back: list[tuple[int, float]],
-) -> None:
+def test_a_clock_put_back_loses_no_row_and_tells_jumps(put_back: list[tuple[int, float]]) -> None:
     clock = log_files.clock_of("walk", written(TRUE_S, put_back))
     npt.assert_allclose(clock.running(written(TRUE_S, put_back)), TRUE_S, atol=1e-6)
     assert len(clock.notes) == len(put_back)
@@ -131,9 +127,8 @@ def test_every_stream_of_a_log_is_put_right_by_the_densest(
     """They jump at one instant, and each of them shows it in rows of its own."""
     clock = log_files.clock_of("walk", written(TRUE_S, put_back))
     other_s = TRUE_S[::every] + late_s
-    streams, left_out = log_files.on_one_clock(
-        {"gyroscope": (written(other_s, put_back), other_s[:, None])}, clock
-    )
+    gyroscope = written(other_s, put_back), other_s[:, None]
+    streams, left_out = log_files.on_one_clock({"gyroscope": gyroscope}, clock)
     t_s, values = streams["gyroscope"]
     assert left_out == 0
     npt.assert_allclose(t_s, values[:, 0], atol=1e-6)
@@ -178,9 +173,7 @@ def test_a_long_step_ahead_is_a_gap_that_is_told() -> None:
 
 def test_times_that_are_no_clock_are_refused_at_once() -> None:
     shown = np.random.default_rng(0).uniform(0, 1000, 20_000)
-    with pytest.raises(
-        InputError, match=f"walk: its clock was put back over {log_files.MOST_JUMPS} times"
-    ):
+    with pytest.raises(InputError, match=f"walk: .* put back over {log_files.MOST_JUMPS} times"):
         log_files.clock_of("walk", shown)
 
 
@@ -209,14 +202,11 @@ def test_gravity_and_steps_are_found_wherever_they_are(
 
 @pytest.mark.parametrize("strength", [0.1, 1.3, 8.0])
 @pytest.mark.parametrize("unit_mps2", [1.0, None])
-def test_acceleration_without_gravity_is_never_scaled(
-    strength: float, unit_mps2: float | None
-) -> None:
+def test_acceleration_of_no_gravity_is_unscaled(strength: float, unit_mps2: float | None) -> None:
     """However strong its steps: those of a median of 1 are no g, those of 9.8 no gravity."""
     t_s, steps = LINEAR
-    npt.assert_array_equal(
-        log_files.with_gravity([(t_s, strength * steps)], unit_mps2)[1], strength * steps
-    )
+    felt = log_files.with_gravity([(t_s, strength * steps)], unit_mps2)[1]
+    npt.assert_array_equal(felt, strength * steps)
     assert gravity_in(t_s, strength * steps) == 0
 
 

@@ -1,7 +1,5 @@
 """The magnetic walks: what the drift does, and whether the frames were understood."""
 
-from __future__ import annotations
-
 import struct
 import warnings
 import zlib
@@ -129,9 +127,7 @@ def test_missing_and_damaged_files_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "length_m", "rows"), [("eight", 47, 466), ("library", 166, 1436), ("square", 85, 747)]
 )
-def test_real_walks_are_understood(
-    shared_data: Path, name: str, length_m: float, rows: int
-) -> None:
+def test_real_walks_are_read(shared_data: Path, name: str, length_m: float, rows: int) -> None:
     file = shared_data / "magnetic" / f"{name}.mat"
     recording, truth = read_magnetic(file, np.random.default_rng(0))
     moves = np.diff(truth.world_from_body[:, :2], axis=0)

@@ -1,7 +1,5 @@
 """Walks of the mall data set: planted values, damaged lines, and the real archives."""
 
-from __future__ import annotations
-
 import itertools
 import tarfile
 from pathlib import Path
@@ -61,9 +59,8 @@ def test_planted_values_are_read(tmp_path: Path) -> None:
     assert recording.magnetometer.field_ut.tolist() == [[10, 20, -30]]
     np.testing.assert_allclose(recording.orientation.world_from_phone, [[0, 0, 0.6, 0.8]])
     np.testing.assert_allclose(walk.truth.t_s, [0.005, 4.0])
-    np.testing.assert_array_equal(
-        walk.truth.world_from_body, [[10.5, 20.25, np.nan], [13.5, 24.25, np.nan]]
-    )
+    poses = [[10.5, 20.25, np.nan], [13.5, 24.25, np.nan]]
+    np.testing.assert_array_equal(walk.truth.world_from_body, poses)
     wifi = recording.wifi
     assert wifi.bssids == ("aa:bb", "cc:dd")
     assert wifi.t_s.tolist() == [1.9, 3.9]

@@ -1,6 +1,4 @@
-"""Maps as GeoJSON: what another reader finds is what the map says."""
-
-from __future__ import annotations
+"""Maps as GeoJSON: what another reader finds is what the map says; metres and degrees."""
 
 import json
 from pathlib import Path
@@ -14,21 +12,12 @@ from pyarrow import parquet
 from shapely.geometry import shape
 
 from elfslam.base.arrays import F64
-from elfslam.base.errors import InputError
+from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.geometry import between
 from elfslam.base.grid import FloorGrid, walked_grid
 from elfslam.base.values import FloorMap, Payload, PointKind, PointOfInterest, PoseGraph
-from elfslam.data.geographic import Origin, from_lon_lat
-from elfslam.data.map_exports import (
-    image_beside,
-    map_features,
-    read_g2o,
-    ros_map,
-    walk_lines,
-    write_g2o,
-    write_geojson,
-    write_parquet,
-)
+from elfslam.data import map_exports
+from elfslam.data.geographic import Origin, bearings_deg, from_lon_lat, parse_origin, to_lon_lat
 
 ORIGIN = Origin(47.3769, 8.5417, 30.0)
 
@@ -50,12 +39,10 @@ def read(file: Path, kind: str) -> list[dict[str, object]]:
     return [each for each in content["features"] if each["properties"]["kind"] == kind]
 
 
-def test_walks_spots_and_cells_are_where_the_map_has_them(
-    floor_map: FloorMap, tmp_path: Path
-) -> None:
+def test_walks_spots_and_cells_lie_as_in_the_map(floor_map: FloorMap, tmp_path: Path) -> None:
     ring = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=float)
-    features = map_features(floor_map, ORIGIN, [(ring, {"kind": "coverage"})])
-    write_geojson(tmp_path / "m.geojson", features)
+    features = map_exports.map_features(floor_map, ORIGIN, [(ring, {"kind": "coverage"})])
+    map_exports.write_geojson(tmp_path / "m.geojson", features)
     spots = read(tmp_path / "m.geojson", "spot")
     points = shapely.get_coordinates([shape(each["geometry"]) for each in spots])
     npt.assert_allclose(from_lon_lat(ORIGIN, points), floor_map.xy_m, atol=1e-3)
@@ -74,8 +61,8 @@ def test_walks_spots_and_cells_are_where_the_map_has_them(
 
 def test_points_of_interest_are_points_with_a_name(floor_map: FloorMap, tmp_path: Path) -> None:
     door = PointOfInterest("Tür 5", PointKind.DOOR, 1.5, -2.0)
-    features = map_features(floor_map, ORIGIN, points_of_interest=[door])
-    write_geojson(tmp_path / "m.geojson", features)
+    features = map_exports.map_features(floor_map, ORIGIN, points_of_interest=[door])
+    map_exports.write_geojson(tmp_path / "m.geojson", features)
     (told,) = read(tmp_path / "m.geojson", "point_of_interest")
     assert told["properties"] == {"kind": "point_of_interest", "name": "Tür 5", "category": "door"}
     place = shapely.get_coordinates(shape(told["geometry"]))
@@ -83,7 +70,7 @@ def test_points_of_interest_are_points_with_a_name(floor_map: FloorMap, tmp_path
 
 
 def test_walks_are_ordered_and_cut_at_gaps(floor_map: FloorMap) -> None:
-    lines = walk_lines(floor_map)
+    lines = map_exports.walk_lines(floor_map)
     assert [walk for walk, _ in lines] == [0, 1, 1]
     npt.assert_allclose(lines[1][1], [[0, 1], [1, 1]])
     npt.assert_allclose(lines[2][1], [[8, 1], [9, 1]])
@@ -104,14 +91,12 @@ MAP = FloorMap(
 
 
 def test_every_spot_is_a_row(tmp_path: Path) -> None:
-    write_parquet(tmp_path / "spots.parquet", MAP)
+    map_exports.write_parquet(tmp_path / "spots.parquet", MAP)
     table = parquet.read_table(tmp_path / "spots.parquet")
     rows = table.to_pylist()
     npt.assert_array_equal([[row["x_m"], row["y_m"]] for row in rows], MAP.xy_m)
     npt.assert_array_equal([row["heading_rad"] for row in rows], MAP.heading_rad)
-    npt.assert_array_equal(
-        [[row["walk"], row["order"]] for row in rows], [[0, 0], [0, 1], [1, 0], [1, 1]]
-    )
+    assert [(row["walk"], row["order"]) for row in rows] == [(0, 0), (0, 1), (1, 0), (1, 1)]
     npt.assert_array_equal([row["covariance_xy_m2"] for row in rows], MAP.covariance_m2[:, 0, 1])
     npt.assert_array_equal([row["covariance_yy_m2"] for row in rows], MAP.covariance_m2[:, 1, 1])
     npt.assert_array_equal(np.array([row["elf"] for row in rows], np.float32), PAYLOAD.vectors)
@@ -145,8 +130,8 @@ def served(file: Path, xy_m: F64) -> list[str]:
 
 def written(file: Path, grid: FloorGrid) -> None:
     """The files of a ROS map."""
-    image = image_beside(file)
-    text, content = ros_map(grid, image.name)
+    image = map_exports.image_beside(file)
+    text, content = map_exports.ros_map(grid, image.name)
     file.write_text(text, encoding="utf-8")
     image.write_bytes(content)
 
@@ -171,7 +156,7 @@ def test_every_square_comes_back(tmp_path: Path) -> None:
 
 def test_another_ending_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"\.yaml"):
-        image_beside(tmp_path / "m.pgm")
+        map_exports.image_beside(tmp_path / "m.pgm")
 
 
 INFORMATION = "400 1 2 300 3 100"
@@ -210,7 +195,7 @@ def assert_same(one: PoseGraph, other: PoseGraph) -> None:
 
 
 def test_what_the_rows_say(tmp_path: Path) -> None:
-    graph = read_g2o(written_g2o(tmp_path, GRAPH))
+    graph = map_exports.read_g2o(written_g2o(tmp_path, GRAPH))
     npt.assert_array_equal(graph.initial, [[1, 2, 0.5], [1.5, 2, 0.5], [2, 2, 0.5]])
     npt.assert_array_equal(graph.edges, [[0, 1], [1, 2], [0, 1], [2, 0]])
     npt.assert_array_equal(graph.measurements[3], [-1, 0, 0.1])
@@ -220,21 +205,21 @@ def test_what_the_rows_say(tmp_path: Path) -> None:
 
 def test_every_bit_comes_back(tmp_path: Path) -> None:
     graph = random_graph(np.random.default_rng(0))
-    write_g2o(tmp_path / "a.g2o", graph)
-    assert_same(read_g2o(tmp_path / "a.g2o"), graph)
+    map_exports.write_g2o(tmp_path / "a.g2o", graph)
+    assert_same(map_exports.read_g2o(tmp_path / "a.g2o"), graph)
 
 
 def test_solved_poses_can_stand_in_for_the_initial_ones(tmp_path: Path) -> None:
     graph = random_graph(np.random.default_rng(1))
-    write_g2o(tmp_path / "a.g2o", graph, graph.initial + 1.0)
-    npt.assert_array_equal(read_g2o(tmp_path / "a.g2o").initial, graph.initial + 1.0)
+    map_exports.write_g2o(tmp_path / "a.g2o", graph, graph.initial + 1.0)
+    npt.assert_array_equal(map_exports.read_g2o(tmp_path / "a.g2o").initial, graph.initial + 1.0)
     with pytest.raises(InputError, match="got 3 poses for a graph of 4"):
-        write_g2o(tmp_path / "a.g2o", graph, graph.initial[:3])
+        map_exports.write_g2o(tmp_path / "a.g2o", graph, graph.initial[:3])
 
 
 def test_gtsam_reads_the_same_graph(tmp_path: Path) -> None:
     graph = random_graph(np.random.default_rng(2))
-    write_g2o(tmp_path / "a.g2o", graph)
+    map_exports.write_g2o(tmp_path / "a.g2o", graph)
     problem, values = gtsam.readG2o(str(tmp_path / "a.g2o"), False)
     assert problem.size() == len(graph.edges)
     for k, pose in enumerate(graph.initial):
@@ -248,16 +233,16 @@ def test_gtsam_reads_the_same_graph(tmp_path: Path) -> None:
 
 def test_poses_are_chained_where_only_edges_are_given(tmp_path: Path) -> None:
     lines = [line for line in GRAPH.splitlines() if "VERTEX" not in line]
-    graph = read_g2o(written_g2o(tmp_path, "\n".join(lines)))
+    graph = map_exports.read_g2o(written_g2o(tmp_path, "\n".join(lines)))
     npt.assert_allclose(graph.initial, [[0, 0, 0], [0.5, 0, 0], [1.0, 0.1, 0]])
 
 
 @pytest.mark.parametrize("name", ["intel", "manhattan", "MIT", "ringCity"])
 def test_published_graphs_come_back(shared_data: Path, tmp_path: Path, name: str) -> None:
-    graph = read_g2o(shared_data / "pose_graphs" / f"{name}.g2o")
+    graph = map_exports.read_g2o(shared_data / "pose_graphs" / f"{name}.g2o")
     assert (~graph.is_closure).sum() == len(graph.initial) - 1
-    write_g2o(tmp_path / "a.g2o", graph)
-    assert_same(read_g2o(tmp_path / "a.g2o"), graph)
+    map_exports.write_g2o(tmp_path / "a.g2o", graph)
+    assert_same(map_exports.read_g2o(tmp_path / "a.g2o"), graph)
 
 
 @pytest.mark.parametrize(
@@ -277,14 +262,50 @@ def test_published_graphs_come_back(shared_data: Path, tmp_path: Path, name: str
 def test_damage_is_named(tmp_path: Path, change: tuple[str, str], says: str) -> None:
     assert change[0] in GRAPH
     with pytest.raises(InputError, match=says) as refused:
-        read_g2o(written_g2o(tmp_path, GRAPH.replace(*change)))
+        map_exports.read_g2o(written_g2o(tmp_path, GRAPH.replace(*change)))
     assert "\n" not in str(refused.value)
 
 
 def test_files_that_hold_no_walk_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="has no EDGE_SE2 row"):
-        read_g2o(written_g2o(tmp_path, "VERTEX_SE2 0 0 0 0\n"))
+        map_exports.read_g2o(written_g2o(tmp_path, "VERTEX_SE2 0 0 0 0\n"))
+    backward = f"EDGE_SE2 5 1 1 0 0 {INFORMATION}"
     with pytest.raises(InputError, match="no VERTEX_SE2 rows and no EDGE_SE2 from 1 to 5; add"):
-        read_g2o(written_g2o(tmp_path, f"EDGE_SE2 1 5 1 0 0 {INFORMATION}".replace("1 5", "5 1")))
+        map_exports.read_g2o(written_g2o(tmp_path, backward))
     with pytest.raises(InputError, match="cannot be read"):
-        read_g2o(tmp_path / "absent.g2o")
+        map_exports.read_g2o(tmp_path / "absent.g2o")
+
+
+ZURICH = Origin(47.3769, 8.5417, 90.0)
+
+
+@pytest.mark.parametrize(
+    "origin", [ZURICH, Origin(-33.9, 151.2, 17.0), Origin(70.0, 179.9999, 250)]
+)
+def test_a_kilometre_comes_back_to_a_millimetre(origin: Origin) -> None:
+    xy_m = np.random.default_rng(0).uniform(-1000, 1000, (200, 2))
+    npt.assert_allclose(from_lon_lat(origin, to_lon_lat(origin, xy_m)), xy_m, atol=1e-3)
+
+
+def test_a_degree_is_as_long_as_wgs84_says() -> None:
+    """A second of latitude at the equator is 30.715 m, of longitude 30.922 m."""
+    degrees = to_lon_lat(Origin(0.0, 0.0), np.array([[30.922, 0.0], [0.0, 30.715]]))
+    npt.assert_allclose(degrees * 3600, [[1.0, 0.0], [0.0, 1.0]], atol=1e-4)
+
+
+def test_the_bearing_turns_the_x_axis() -> None:
+    north = to_lon_lat(Origin(47.0, 8.0, 0.0), np.array([[100.0, 0.0], [0.0, 100.0]]))
+    assert north[0, 1] > 47.0008 > north[1, 1]
+    assert north[1, 0] < 7.9987, "left of north is west"
+    npt.assert_allclose(bearings_deg(ZURICH, np.array([0.0, np.pi / 2, np.pi])), [90, 0, 270])
+
+
+@pytest.mark.parametrize("text", ["", "47", "47,8,9,10", "north,8", "91,0", "0,181", "nan,0"])
+def test_what_is_no_origin_is_refused(text: str) -> None:
+    with pytest.raises(ParameterError, match="origin"):
+        parse_origin(text)
+
+
+def test_an_origin_points_east_unless_told() -> None:
+    assert parse_origin("47.3769,8.5417") == ZURICH
+    assert parse_origin("47.3769, 8.5417, 12") == Origin(47.3769, 8.5417, 12.0)

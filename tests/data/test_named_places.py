@@ -1,7 +1,6 @@
 """points_of_interest.csv: written and read back, and refused where it cannot be meant."""
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +9,13 @@ import pytest
 from elfslam.base.errors import InputError
 from elfslam.base.values import Checkpoints, PointKind, PointOfInterest
 from elfslam.data import named_places
+
+
+def refusal(read: Callable[[Path], object], folder: Path) -> str:
+    with pytest.raises(InputError) as refused:
+        read(folder)
+    assert "\n" not in str(refused.value)
+    return str(refused.value)
 
 
 def test_points_come_back_as_they_were(tmp_path: Path) -> None:
@@ -40,17 +46,13 @@ def test_a_map_without_them_has_none(tmp_path: Path) -> None:
 )
 def test_what_cannot_be_meant_is_refused(tmp_path: Path, row: str, said: str) -> None:
     (tmp_path / named_places.POINTS_OF_INTEREST).write_text(f"name,kind,x_m,y_m\n{row}\n")
-    with pytest.raises(InputError) as refusal:
-        named_places.read_points(tmp_path)
-    assert said in str(refusal.value)
-    assert "\n" not in str(refusal.value)
+    assert said in refusal(named_places.read_points, tmp_path)
 
 
 def test_names_come_back_as_they_were(tmp_path: Path) -> None:
     told = Checkpoints(np.array([0.0, 12.345, 60.5]), ("Door", 'Room 5, "left"', "Tür"))
     named_places.write_checkpoints(told, tmp_path)
     read = named_places.read_checkpoints(tmp_path)
-    assert read is not None
     assert read.names == told.names
     np.testing.assert_allclose(read.t_s, told.t_s)
 
@@ -61,14 +63,12 @@ def test_places_on_a_plan_come_back_and_others_stay_without(tmp_path: Path) -> N
     named_places.write_checkpoints(Checkpoints(np.array([1.0, 2.0, 3.0]), names, xy_m), tmp_path)
     assert (tmp_path / named_places.CHECKPOINTS).read_text().splitlines()[2] == "2.000,Stairs,,"
     read = named_places.read_checkpoints(tmp_path)
-    assert read is not None
     np.testing.assert_array_equal(read.xy_m, xy_m)
 
 
 def test_they_are_on_no_plan_where_nobody_tapped(tmp_path: Path) -> None:
     (tmp_path / named_places.CHECKPOINTS).write_text("t_s,name,x_m,y_m\n1,Door,,\n")
     read = named_places.read_checkpoints(tmp_path)
-    assert read is not None
     assert read.xy_m is None
 
 
@@ -79,7 +79,6 @@ def test_a_recording_without_them_has_none(tmp_path: Path) -> None:
 def test_they_are_in_order_of_time_whoever_wrote_them(tmp_path: Path) -> None:
     (tmp_path / named_places.CHECKPOINTS).write_text("name,t_s\nb,9\na , 3\n")
     read = named_places.read_checkpoints(tmp_path)
-    assert read is not None
     assert (read.names, read.t_s.tolist()) == (("a", "b"), [3.0, 9.0])
 
 
@@ -103,11 +102,6 @@ def test_they_are_in_order_of_time_whoever_wrote_them(tmp_path: Path) -> None:
         ("", "is empty"),
     ],
 )
-def test_what_cannot_be_meant_is_refused_of_checkpoint_files(
-    tmp_path: Path, text: str, said: str
-) -> None:
+def test_checkpoints_that_cannot_be_meant_are_refused(tmp_path: Path, text: str, said: str) -> None:
     (tmp_path / named_places.CHECKPOINTS).write_text(text)
-    with pytest.raises(InputError) as refusal:
-        named_places.read_checkpoints(tmp_path)
-    assert said in str(refusal.value)
-    assert "\n" not in str(refusal.value)
+    assert said in refusal(named_places.read_checkpoints, tmp_path)

@@ -1,7 +1,5 @@
 """Arrays come back as they were written; what claims another size than it has is refused."""
 
-from __future__ import annotations
-
 import io
 import tracemalloc
 import warnings
@@ -60,9 +58,7 @@ def refusal(path: Path) -> str:
 
 @settings(max_examples=40)
 @given(st.data())
-def test_every_array_comes_back(
-    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
-) -> None:
+def test_arrays_come_back(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
     dtype = data.draw(DTYPES)
     shape = data.draw(arrays.array_shapes(min_dims=0, max_dims=4, min_side=0, max_side=4))
     elements = TEXTS if dtype.kind == "U" else None

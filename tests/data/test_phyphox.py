@@ -1,7 +1,5 @@
 """Exports of phyphox, written as the app writes them, in each of its five ways."""
 
-from __future__ import annotations
-
 import re
 import zipfile
 from collections.abc import Sequence
@@ -42,9 +40,7 @@ def table(columns: Sequence[Column], variant: Variant = COMMA) -> str:
     separator, point = variant
     rows = max(len(values) for _, values in columns)
     padded = [[*values, *[np.nan] * (rows - len(values))] for _, values in columns]
-    lines = [
-        separator.join(number(cell, point) for cell in row) for row in zip(*padded, strict=True)
-    ]
+    lines = [separator.join(number(at, point) for at in row) for row in zip(*padded, strict=True)]
     return "\n".join([separator.join(f'"{name}"' for name, _ in columns), *lines]) + "\n"
 
 
@@ -100,11 +96,8 @@ def played_in_a_room(seconds: float) -> np.ndarray:
 
 
 def waveform(experiment: bytes) -> np.ndarray:
-    container = next(
-        each
-        for each in ElementTree.fromstring(experiment).iter("container")
-        if each.text == "chirp"
-    )
+    every = ElementTree.fromstring(experiment).iter("container")
+    container = next(each for each in every if each.text == "chirp")
     return np.array([float(cell) for cell in container.get("init", "").split(",")])
 
 
@@ -151,13 +144,9 @@ def test_the_chirps_of_the_experiment_are_heard_in_its_export(tmp_path: Path) ->
 )
 def test_exports_of_other_experiments_are_read(tmp_path: Path, names: tuple[str, str]) -> None:
     content = {}
-    for file, name, value in zip(
-        ("Raw Data", "Turn"), names, (9.81 * UP, np.zeros(3)), strict=True
-    ):
+    for file, name, value in zip(("Raw Data", "Turn"), names, (9.81 * UP, 0 * UP), strict=True):
         quantity, axis = re.fullmatch(r"(.*)\b[xX](.*)", name).groups()
-        columns = [
-            (f"{quantity}{each}{axis}", np.full(60, value[k])) for k, each in enumerate("xyz")
-        ]
+        columns = [(f"{quantity}{x}{axis}", np.full(60, value[k])) for k, x in enumerate("xyz")]
         content[f"{file}.csv"] = table([("Time (s)", T_S), *columns, ("Absolute", T_S)])
     recording = read_phyphox(export(tmp_path, content)).recording
     np.testing.assert_allclose(recording.imu.accel_mps2[0], 9.81 * UP, rtol=1e-6)
@@ -204,7 +193,7 @@ def in_the_middle(cell: str) -> str:
         (lambda: {}, "has no columns of an accelerometer"),
     ],
 )
-def test_what_cannot_be_used_is_refused(tmp_path: Path, content, says: str) -> None:  # type: ignore[no-untyped-def]
+def test_what_cannot_be_used_is_refused(tmp_path: Path, content, says: str) -> None:
     with pytest.raises(InputError, match=says) as refusal:
         read_phyphox(export(tmp_path, content()))
     assert str(refusal.value).startswith(str(tmp_path / "walk.zip"))
@@ -228,14 +217,11 @@ def test_numbers_come_back_whatever_the_variant(
     """What is written with nine decimals is read with nine; NaN at the end is left out."""
     field = np.array(values)
     t_s = np.arange(len(field)) * 0.1
-    axes = [
-        (f"Field {axis} (µT)", [*field[:, k], *[np.nan] * lacking]) for k, axis in enumerate("xyz")
-    ]
+    axes = [(f"Field {x} (µT)", [*field[:, k], *[np.nan] * lacking]) for k, x in enumerate("xyz")]
     text = table([("Time (s)", [*t_s, *[9.0] * lacking]), *axes], variant)
     folder = tmp_path_factory.mktemp("export")
     content = {**silent_files(variant), "Magnetometer.csv": text}
     read = read_phyphox(export(folder, content)).recording.magnetometer
-    assert read is not None
     np.testing.assert_allclose(read.t_s, t_s, atol=1e-9)
     np.testing.assert_allclose(read.field_ut, field, rtol=1e-9, atol=1e-300)
 
@@ -247,8 +233,6 @@ def test_the_experiment_holds_the_chirp_and_the_period() -> None:
     np.testing.assert_array_equal(played[: len(chirp)].astype(np.float32), chirp)
     assert not played[len(chirp) :].any()
     speaker, microphone = root.find("output/audio"), root.find("input/audio")
-    assert speaker is not None
-    assert microphone is not None
     assert len(played) / int(speaker.get("rate", 0)) == ChirpParameters().period_s
     assert speaker.get("loop") == "true"
     assert speaker.findtext("input") == "chirp"
@@ -291,13 +275,9 @@ def test_gravity_is_told_by_the_data_in_any_language(tmp_path: Path, language: s
     meant = stepping(9.81 * UP)
     content = silent_files()
     del content["Accelerometer.csv"]
-    for file, quantity, values in (
-        (f"A {linear}", linear, stepping(np.zeros(3))),
-        (with_it, whole, meant),
-    ):
-        columns = [
-            (f"{quantity}{between}{axis} (m/s²)", values[:, k]) for k, axis in enumerate("xyz")
-        ]
+    both = ((f"A {linear}", linear, stepping(np.zeros(3))), (with_it, whole, meant))
+    for file, quantity, values in both:
+        columns = [(f"{quantity}{between}{x} (m/s²)", values[:, k]) for k, x in enumerate("xyz")]
         content[f"{file}.csv"] = table([(time, T_S), *columns])
     imu = read_phyphox(export(tmp_path, content)).recording.imu
     np.testing.assert_allclose(imu.accel_mps2, meant, atol=1e-6)
@@ -321,6 +301,5 @@ def test_the_barometer_is_read_in_any_language(tmp_path: Path, names: tuple[str,
     written = table([(names[0], slow_s), (names[1], [0.0, 1013.25, 1013.5])])
     made = export(tmp_path, {**silent_files(), "Pressure.csv": written})
     barometer = read_phyphox(made).recording.barometer
-    assert barometer is not None
     np.testing.assert_allclose(barometer.t_s, [1, 2])
     np.testing.assert_allclose(barometer.pressure_hpa, [1013.25, 1013.5])

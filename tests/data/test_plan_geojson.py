@@ -1,7 +1,5 @@
 """Shapes of a floor: told apart by how far they reach, degrees from metres."""
 
-from __future__ import annotations
-
 import json
 import zipfile
 from dataclasses import replace
@@ -113,9 +111,8 @@ def test_a_plan_in_the_grid_of_a_country_is_in_metres_and_stays_there(
 ) -> None:
     moved = [("Polygon", [np.add(SQUARE, corner_m).tolist()], True)]
     moved.append(("LineString", np.add(WALL, corner_m).tolist(), True))
-    here, _ = read_plan_geojson(
-        written(tmp_path / "p.geojson", ("Polygon", [SQUARE], True), ("LineString", WALL, True))
-    )
+    shapes = ("Polygon", [SQUARE], True), ("LineString", WALL, True)
+    here, _ = read_plan_geojson(written(tmp_path / "p.geojson", *shapes))
     there, origin = read_plan_geojson(written(tmp_path / "q.geojson", *moved))
     assert origin is None
     npt.assert_array_equal(there.free, here.free)
@@ -225,9 +222,7 @@ def test_levels_of_one_file_lie_in_one_frame(tmp_path: Path) -> None:
 def test_the_levels_of_an_archive_of_imdf_are_read_by_their_ordinals(tmp_path: Path) -> None:
     place = Venue("Tower", "hotel", "Hauptstrasse 1", "Bern", "CH", "Ground floor", 0)
     lines_m = {0: np.array([[0.0, 0.0], [8.0, 0.0]]), 1: np.array([[3.0, 0.0], [3.0, 20.0]])}
-    levels = [
-        WalkedLevel(replace(place, ordinal=level), [line_m]) for level, line_m in lines_m.items()
-    ]
+    levels = [WalkedLevel(replace(place, ordinal=k), [line_m]) for k, line_m in lines_m.items()]
     write_imdf(tmp_path / "tower.zip", levels, ORIGIN, datetime(2026, 1, 2, tzinfo=UTC))
     with pytest.raises(LevelError, match="levels 0, 1"):
         read_plan_shapes(tmp_path / "tower.zip")
@@ -242,9 +237,7 @@ def test_the_levels_of_an_archive_of_imdf_are_read_by_their_ordinals(tmp_path: P
     ("levels", "said"),
     [(None, "has no unit.geojson"), ('{"features": []}', "cannot be read as IMDF"), ("{}", "IMDF")],
 )
-def test_an_archive_that_is_no_imdf_is_refused(
-    tmp_path: Path, levels: str | None, said: str
-) -> None:
+def test_an_archive_of_no_imdf_is_refused(tmp_path: Path, levels: str | None, said: str) -> None:
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as packed:
         unit = {"geometry": None, "properties": {"level_id": "a", "category": "room"}}
         packed.writestr("unit.geojson", json.dumps({"features": [unit]}))

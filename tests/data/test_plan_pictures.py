@@ -1,7 +1,5 @@
 """Plans that are no pictures are drawn as one: where a wall was, it is dark."""
 
-from __future__ import annotations
-
 import io
 import json
 from pathlib import Path
@@ -13,28 +11,21 @@ from PIL import Image
 from planted_plans import SVG, pdf
 
 from elfslam.base.errors import InputError
+from elfslam.data import plan_pictures
 from elfslam.data.floor_plans import read_plan_image
-from elfslam.data.plan_pictures import (
-    MOST_DEPTH,
-    MOST_LAYERS,
-    MOST_MASKS,
-    MOST_SIDE_PX,
-    PlanKind,
-    clean_svg,
-    drawn_picture,
-    kind_of,
-)
+from elfslam.data.map_exports import feature
+from elfslam.data.plan_pictures import MOST_DEPTH, MOST_LAYERS, MOST_MASKS, PlanKind, clean_svg
 
 
 def drawn(tmp_path: Path, content: bytes) -> Image.Image:
     (tmp_path / "plan").write_bytes(content)
-    return Image.open(io.BytesIO(drawn_picture(tmp_path / "plan").content))
+    return Image.open(io.BytesIO(plan_pictures.drawn_picture(tmp_path / "plan").content))
 
 
 @pytest.mark.parametrize("content", [SVG.encode(), pdf(), pdf(3)], ids=["SVG", "PDF", "3 pages"])
 def test_a_wall_is_dark_where_it_was_drawn(tmp_path: Path, content: bytes) -> None:
     image = drawn(tmp_path, content)
-    assert max(image.size) == MOST_SIDE_PX
+    assert max(image.size) == plan_pictures.MOST_SIDE_PX
     assert image.width / image.height == pytest.approx(4 / 3, rel=1e-3)
     pixels = np.asarray(image.convert("L"))
 
@@ -46,9 +37,7 @@ def test_a_wall_is_dark_where_it_was_drawn(tmp_path: Path, content: bytes) -> No
 
 
 @pytest.mark.parametrize(("content", "ending"), [(SVG.encode(), "svg"), (pdf(), "pdf")])
-def test_the_command_reads_them_as_it_reads_an_image(
-    tmp_path: Path, content: bytes, ending: str
-) -> None:
+def test_the_command_reads_them_as_images(tmp_path: Path, content: bytes, ending: str) -> None:
     (tmp_path / f"plan.{ending}").write_bytes(content)
     ground = read_plan_image(tmp_path / f"plan.{ending}", 40.0)
     asked = np.array([[10.0, 15.0], [30.0, 15.0], [20.0, 20.0], [20.0, 5.0], [1.0, 1.0]])
@@ -59,28 +48,19 @@ def test_shapes_are_drawn_to_scale(tmp_path: Path) -> None:
     ring = [[0, 0], [20, 0], [20, 10], [0, 10], [0, 0]]
     table = [[2, 2], [4, 2], [4, 4], [2, 4], [2, 2]]
     shapes = [
-        {
-            "type": "Feature",
-            "geometry": {"type": "Polygon", "coordinates": [ring]},
-            "properties": {},
-        },
-        {
-            "type": "Feature",
-            "geometry": {"type": "Polygon", "coordinates": [table]},
-            "properties": {"accessible": False},
-        },
+        feature({"type": "Polygon", "coordinates": [ring]}, {}),
+        feature({"type": "Polygon", "coordinates": [table]}, {"accessible": False}),
         {"type": "Feature", "geometry": {"type": "LineString", "coordinates": [[10, 0], [10, 6]]}},
     ]
     (tmp_path / "plan").write_text(json.dumps({"features": shapes}))
-    picture = drawn_picture(tmp_path / "plan")
+    picture = plan_pictures.drawn_picture(tmp_path / "plan")
     image = Image.open(io.BytesIO(picture.content))
     assert picture.width_m == pytest.approx(20.2, abs=0.02)
     pixels, px_per_m = np.asarray(image), image.width / float(picture.width_m or 0)
 
     def at(x_m: float, y_m: float) -> int:
-        return int(
-            pixels[image.height - 1 - round((y_m + 0.1) * px_per_m), round((x_m + 0.1) * px_per_m)]
-        )
+        row = image.height - 1 - round((y_m + 0.1) * px_per_m)
+        return int(pixels[row, round((x_m + 0.1) * px_per_m)])
 
     assert (at(0, 5), at(10, 3), at(20, 9)) == (0, 0, 0)
     assert (at(5, 5), at(10, 8)) == (255, 255)
@@ -100,7 +80,7 @@ def test_shapes_are_drawn_to_scale(tmp_path: Path) -> None:
     ],
 )
 def test_a_plan_is_known_by_its_content(content: bytes, kind: PlanKind | None) -> None:
-    assert kind_of(content) is kind
+    assert plan_pictures.kind_of(content) is kind
 
 
 @pytest.mark.parametrize(
@@ -113,9 +93,7 @@ def test_a_plan_is_known_by_its_content(content: bytes, kind: PlanKind | None) -
         (b"GIF89a", "is no PDF, SVG or GeoJSON"),
     ],
 )
-def test_what_cannot_be_drawn_is_refused_in_one_line(
-    tmp_path: Path, content: bytes, words: str
-) -> None:
+def test_what_cannot_be_drawn_is_refused(tmp_path: Path, content: bytes, words: str) -> None:
     with pytest.raises(InputError, match=words) as refused:
         drawn(tmp_path, content)
     assert str(refused.value).startswith(str(tmp_path / "plan"))
@@ -210,7 +188,7 @@ BOMB = "<!ENTITY a 'aaaaaaaaaa'><!ENTITY b '&a;&a;&a;&a;&a;&a;&a;&a;'>"
         ("", "cannot be read as SVG"),
     ],
 )
-def test_what_is_none_is_refused_in_one_line(text: str, words: str) -> None:
+def test_what_is_none_is_refused(text: str, words: str) -> None:
     with pytest.raises(InputError, match=words) as refused:
         clean_svg(text.encode(), FILE)
     assert str(refused.value).startswith("plan.svg: ")

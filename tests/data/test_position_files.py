@@ -1,7 +1,5 @@
 """Fixes as CSV."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

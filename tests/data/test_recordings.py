@@ -1,7 +1,5 @@
 """Recordings on disk: round trips, and one line that names what is wrong."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import struct
@@ -57,9 +55,7 @@ def test_zip_round_trip(tmp_path: Path, folder: Path, recording: Recording, insi
 
 
 @pytest.mark.parametrize("gain_db", [None, -4.0 * (np.arange(40) % 3 == 0)])
-def test_when_and_how_loud_chirps_were_played_makes_a_round_trip(
-    tmp_path: Path, gain_db: F64 | None
-) -> None:
+def test_times_and_gains_of_chirps_make_a_round_trip(tmp_path: Path, gain_db: F64 | None) -> None:
     played_s = 0.1 * np.arange(40) + 0.0125 * np.sin(np.arange(40))
     walk = Recording("hall", "phone", played_t_s=played_s, gain_db=gain_db)
     write_recording(walk, tmp_path / "hall")
@@ -70,21 +66,6 @@ def test_when_and_how_loud_chirps_were_played_makes_a_round_trip(
     assert (tmp_path / "hall" / "chirps.csv").read_text().startswith(head)
 
 
-@pytest.mark.parametrize(
-    ("rows", "message"),
-    [
-        ("t_s\n0.1\n0.1", r"chirps.csv: time repeats at row 3"),
-        ("t_s\n0.1\n2e6", r"chirps.csv: row 3 has 2e\+06 s, wanted at most 1e\+06"),
-        ("t_s,gain_db\n0.1,-4\n0.2,loud", r"chirps.csv: row 3 has 'loud', wanted a finite"),
-        ("t_s,gain_db\n0.1,-4\n0.2,-300", r"chirps.csv: row 3 has -300 dB, wanted at most 100"),
-    ],
-)
-def test_a_schedule_that_cannot_be_is_refused(folder: Path, rows: str, message: str) -> None:
-    (folder / "chirps.csv").write_text(f"{rows}\n")
-    with pytest.raises(InputError, match=message):
-        read_recording(folder)
-
-
 def test_same_recording_gives_same_bytes(tmp_path: Path, recording: Recording) -> None:
     for name in ("a", "b"):
         write_recording(recording, tmp_path / name)
@@ -92,9 +73,7 @@ def test_same_recording_gives_same_bytes(tmp_path: Path, recording: Recording) -
         assert file.read_bytes() == (tmp_path / "b" / file.name).read_bytes(), file.name
 
 
-def test_truth_is_written_and_never_read(
-    tmp_path: Path, recording: Recording, truth: Truth
-) -> None:
+def test_truth_is_written_not_read(tmp_path: Path, recording: Recording, truth: Truth) -> None:
     write_recording(recording, tmp_path / "with", truth=truth)
     assert (tmp_path / "with" / "truth.tum").is_file()
     (tmp_path / "with" / "truth.tum").write_text("not numbers")
@@ -117,49 +96,63 @@ def test_odometry_without_sigmas_gets_assumed_ones(folder: Path) -> None:
     np.testing.assert_allclose(sigma, [[0.2, 0.2, 0.005], [0.005, 0.005, 0.005]])
 
 
-TABLE_DAMAGES = {
-    "t_s,x,y\n0,1,2\n": "column z is missing",
-    "t_s,x,y,z\n0,1,2,3\n1,nan,2,3\n": "row 3 has 'nan'",
-    "t_s,x,y,z\n0,1,2,3\n\n1,1,2,3\n": "row 3 has",
-    "t_s,x,y,z\n0,1,2,3\n1,1,2,inf\n": "row 3 has 'inf'",
-    "t_s,x,y,z\n0,1,2,3\n1,fast,2,3\n": "row 3 has 'fast'",
-    "t_s,x,y,z\n0,1,2,3\n1,,2,3\n": "row 3 has ''",
-    "t_s,x,y,z\n0,1,2,3\n1,1,2,3\n2,1,2\n": "row 4 has 3 cells, wanted 4",
-    "t_s,x,y,z\n0,1,2,3\n2,1,2,3\n1,1,2,3\n": "time runs backward at row 4",
-    "t_s,x,y,z\n0,1,2,3\n0,1,2,3\n": "time repeats at row 3",
-    "t_s,x,y,z\n": "no rows",
-    "": "is empty",
+ROW = "t_s,x,y,z\n0,1,2,3\n"
+DAMAGES = {
+    "gyroscope.csv": {
+        "t_s,x,y\n0,1,2\n": "column z is missing",
+        ROW + "1,nan,2,3\n": "row 3 has 'nan'",
+        ROW + "\n1,1,2,3\n": "row 3 has",
+        ROW + "1,1,2,inf\n": "row 3 has 'inf'",
+        ROW + "1,fast,2,3\n": "row 3 has 'fast'",
+        ROW + "1,,2,3\n": "row 3 has ''",
+        ROW + "1,1,2,3\n2,1,2\n": "row 4 has 3 cells, wanted 4",
+        ROW + "2,1,2,3\n1,1,2,3\n": "time runs backward at row 4",
+        ROW + "0,1,2,3\n": "time repeats at row 3",
+        "t_s,x,y,z\n": "no rows",
+        "": "is empty",
+    },
+    "recording.json": {
+        "{": "is no JSON",
+        "[]": "format_version is None, wanted 1",
+        '{"format_version": 2}': "format_version is 2, wanted 1",
+        '{"format_version": 1, "start_pose": [1]}': "start_pose is",
+        '{"format_version": 1, "start_pose": {"x": 1}}': "start_pose is",
+        '{"format_version": 1, "start_pose": [true, 0, 0]}': "start_pose",
+        '{"format_version": 1, "start_pose": ["a", 2, 3]}': "start_pose is",
+        '{"format_version": 1, "start_pose": [NaN, 2, 3]}': "holds nan, wanted finite",
+        '{"format_version": 1, "audio": {"samples": 90000}}': "promises 90000",
+        f'{{"format_version": 1, "audio": {{"samples": {10**400}}}}}': "whole number beyond",
+    },
+    "chirps.csv": {
+        "t_s\n0.1\n0.1\n": "time repeats at row 3",
+        "t_s\n0.1\n2e6\n": r"row 3 has 2e\+06 s, wanted at most 1e\+06",
+        "t_s,gain_db\n0.1,-4\n0.2,loud\n": "row 3 has 'loud', wanted a finite",
+        "t_s,gain_db\n0.1,-4\n0.2,-300\n": "row 3 has -300 dB, wanted at most 100",
+    },
+    "orientation.csv": {
+        "t_s,qx,qy,qz,qw\n0,0,0,0,1\n1,0,0,0,2\n": "row 3 has a quaternion of length 2"
+    },
+    "odometry.tum": {
+        "0 0 0 0 0 0 0 1\n1 10 0 0 0 0 0 1\n": "5 rows for 2 poses",
+        "0 1e300 0 0 0 0 0 1\n": r"row 1 has 1e\+300 m",
+    },
+    "accelerometer.csv": {"t_s,x,y,z\n0,1,1e160,1\n": r"row 2 has 1e\+160"},
+    "emr.csv": {"t_s,h1\n0,1\n1,1e300\n": r"row 3 has 1e\+300 microvolts"},
+    "wifi.csv": {"t_s,bssid,rssi_dbm,age_s\n0,a,-1e300,\n": r"row 2 has -1e\+300"},
+    "magnetometer.csv": {"t_s,x,y,z\n0,1,1e300,1\n": r"row 2 has 1e\+300"},
 }
+"""By file and content: what is said of it."""
 
 
-@pytest.mark.parametrize("text", TABLE_DAMAGES)
-def test_damaged_tables_are_refused(folder: Path, text: str) -> None:
-    (folder / "gyroscope.csv").write_text(text)
-    with pytest.raises(InputError, match=TABLE_DAMAGES[text]) as refused:
+@pytest.mark.parametrize(
+    ("file", "text"), [(file, text) for file in DAMAGES for text in DAMAGES[file]]
+)
+def test_damaged_files_are_refused(folder: Path, file: str, text: str) -> None:
+    (folder / file).write_text(text)
+    with pytest.raises(InputError, match=DAMAGES[file][text]) as refused:
         read_recording(folder)
-    assert "gyroscope.csv" in str(refused.value)
+    assert file.split(".", maxsplit=1)[0] in str(refused.value)
     assert "\n" not in str(refused.value)
-
-
-MANIFEST_DAMAGES = {
-    "{": "is no JSON",
-    "[]": "format_version is None, wanted 1",
-    '{"format_version": 2}': "format_version is 2, wanted 1",
-    '{"format_version": 1, "start_pose": [1]}': "start_pose is",
-    '{"format_version": 1, "start_pose": {"x": 1}}': "start_pose is",
-    '{"format_version": 1, "start_pose": [true, 0, 0]}': "start_pose",
-    '{"format_version": 1, "start_pose": ["a", 2, 3]}': "start_pose is",
-    '{"format_version": 1, "start_pose": [NaN, 2, 3]}': "holds nan, wanted finite",
-    '{"format_version": 1, "audio": {"samples": 90000}}': "promises 90000",
-    f'{{"format_version": 1, "audio": {{"samples": {10**400}}}}}': "whole number beyond",
-}
-
-
-@pytest.mark.parametrize("text", MANIFEST_DAMAGES)
-def test_damaged_manifests_are_refused(folder: Path, text: str) -> None:
-    (folder / "recording.json").write_text(text)
-    with pytest.raises(InputError, match=MANIFEST_DAMAGES[text]):
-        read_recording(folder)
 
 
 @pytest.mark.parametrize(
@@ -198,18 +191,6 @@ def test_cut_off_wav_is_refused(folder: Path, recording: Recording) -> None:
         read_recording(folder)
 
 
-def test_a_quaternion_that_is_no_rotation_is_refused(folder: Path) -> None:
-    (folder / "orientation.csv").write_text("t_s,qx,qy,qz,qw\n0,0,0,0,1\n1,0,0,0,2\n")
-    with pytest.raises(InputError, match="row 3 has a quaternion of length 2"):
-        read_recording(folder)
-
-
-def test_sigmas_of_another_length_are_refused(folder: Path) -> None:
-    (folder / "odometry.tum").write_text("0 0 0 0 0 0 0 1\n1 10 0 0 0 0 0 1\n")
-    with pytest.raises(InputError, match="5 rows for 2 poses"):
-        read_recording(folder)
-
-
 def test_missing_path_and_other_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="does not exist"):
         read_recording(tmp_path / "nothing")
@@ -225,24 +206,6 @@ def test_broken_zip_is_refused(tmp_path: Path, folder: Path) -> None:
         made.write_bytes(damaged)
         with pytest.raises(InputError, match=r"walk\.zip: the \.zip is not whole"):
             read_recording(made)
-
-
-@pytest.mark.parametrize(
-    ("name", "rows", "said"),
-    [
-        ("accelerometer.csv", "t_s,x,y,z\n0,1,1e160,1\n", r"accelerometer\.csv: row 2 has 1e\+160"),
-        ("emr.csv", "t_s,h1\n0,1\n1,1e300\n", r"emr\.csv: row 3 has 1e\+300 microvolts"),
-        ("wifi.csv", "t_s,bssid,rssi_dbm,age_s\n0,a,-1e300,\n", r"wifi\.csv: row 2 has -1e\+300"),
-        ("magnetometer.csv", "t_s,x,y,z\n0,1,1e300,1\n", r"magnetometer\.csv: row 2 has 1e\+300"),
-        ("odometry.tum", "0 1e300 0 0 0 0 0 1\n", r"odometry\.tum: row 1 has 1e\+300 m"),
-    ],
-)
-def test_what_would_overflow_is_named_with_its_row(
-    folder: Path, name: str, rows: str, said: str
-) -> None:
-    (folder / name).write_text(rows)
-    with pytest.raises(InputError, match=said):
-        read_recording(folder)
 
 
 def test_errors_within_a_zip_name_the_zip(tmp_path: Path, folder: Path) -> None:
@@ -287,9 +250,7 @@ def test_a_pause_of_the_gyroscope_alone_is_a_pause_of_the_motion(motion: Path) -
     ],
     ids=["milliseconds", "late", "one row", "slow"],
 )
-def test_a_gyroscope_on_its_own_clock_or_too_slow_is_refused(
-    motion: Path, t_s: np.ndarray, says: str
-) -> None:
+def test_a_gyroscope_of_another_clock_fails(motion: Path, t_s: np.ndarray, says: str) -> None:
     (motion / "gyroscope.csv").write_text(timed(t_s))
     with pytest.raises(InputError, match=says) as refused:
         read_recording(motion)
@@ -319,9 +280,7 @@ def heard(motion: Path) -> Path:
 def test_motion_that_is_not_that_of_the_sound_is_refused(heard: Path, t_s: np.ndarray) -> None:
     for name in ("accelerometer.csv", "gyroscope.csv"):
         (heard / name).write_text(timed(t_s))
-    with pytest.raises(
-        InputError, match=r"sound \(0\.0 to 40\.0 s\) and motion sensors \(.*one clock"
-    ):
+    with pytest.raises(InputError, match=r"sound \(0\.0 to 40\.0 s\) and motion .*one clock"):
         read_recording(heard)
 
 
@@ -412,9 +371,7 @@ def test_notes_that_are_none_are_refused(folder: Path, notes: object) -> None:
 
 
 @pytest.mark.parametrize(("rate_hz", "kept_hz"), [(96_000, 48_000), (88_200, 44_100)])
-def test_sound_at_a_multiple_of_the_rates_is_taken_up(
-    tmp_path: Path, rate_hz: int, kept_hz: int
-) -> None:
+def test_sound_at_multiples_of_rates_is_taken(tmp_path: Path, rate_hz: int, kept_hz: int) -> None:
     """What recording.json promises is of the file, before it is resampled."""
     write_recording(Recording("hall", "phone"), tmp_path / "hall")
     soundfile.write(tmp_path / "hall" / "audio.wav", np.zeros((rate_hz, 2)), rate_hz)

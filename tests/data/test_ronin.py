@@ -1,7 +1,5 @@
 """Logs of the RoNIN recorder: one text file per sensor."""
 
-from __future__ import annotations
-
 import zipfile
 from pathlib import Path
 
@@ -21,10 +19,8 @@ WORLD_FROM_PHONE = np.array([np.sin(TILT / 2), 0, 0, np.cos(TILT / 2)])
 
 def text(values: np.ndarray, *, tabs: bool = False, late_s: float = 0.0) -> str:
     gap = "\t" if tabs else " "
-    rows = [
-        gap.join([str(BOOT_NS + round((t_s + late_s) * 1e9)), *(f"{cell:.9f}" for cell in values)])
-        for t_s in T_S
-    ]
+    ns = BOOT_NS + np.round((T_S + late_s) * 1e9).astype(int)
+    rows = [gap.join([str(at), *(f"{cell:.9f}" for cell in values)]) for at in ns]
     return "\n".join(["# Created at Sat Nov 21 2020", *rows]) + "\n"
 
 

@@ -1,7 +1,5 @@
 """Wi-Fi rows and matrices."""
 
-from __future__ import annotations
-
 import tracemalloc
 from contextlib import suppress
 from pathlib import Path

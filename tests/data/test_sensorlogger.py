@@ -1,18 +1,18 @@
 """Logs of Sensor Logger, as either platform writes them."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import numpy.testing as npt
 import pytest
 import soundfile
 
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import rotation_from_quaternion
+from elfslam.base.values import Recording
 from elfslam.data.sensorlogger import read_sensorlogger
 
 TILT = 0.4
@@ -65,19 +65,24 @@ def log(folder: Path, files: dict[str, str | bytes]) -> Path:
     return folder / "walk.zip"
 
 
+def recorded(folder: Path, files: dict[str, str | bytes]) -> Recording:
+    """What is read of a log with these files."""
+    return read_sensorlogger(log(folder, files)).recording
+
+
 def test_android(tmp_path: Path) -> None:
-    recording = read_sensorlogger(log(tmp_path, ANDROID)).recording
+    recording = recorded(tmp_path, ANDROID)
     assert (recording.name, recording.device) == ("walk", "Test Phone")
-    np.testing.assert_allclose(recording.imu.t_s, T_S)
-    np.testing.assert_allclose(recording.imu.accel_mps2[7], 9.80665 * UP, atol=1e-8)
-    np.testing.assert_allclose(recording.imu.gyro_radps[7], [0.1, 0.2, 0.3])
-    np.testing.assert_allclose(recording.magnetometer.field_ut[7], [10, 20, -30])
+    npt.assert_allclose(recording.imu.t_s, T_S)
+    npt.assert_allclose(recording.imu.accel_mps2[7], 9.80665 * UP, atol=1e-8)
+    npt.assert_allclose(recording.imu.gyro_radps[7], [0.1, 0.2, 0.3])
+    npt.assert_allclose(recording.magnetometer.field_ut[7], [10, 20, -30])
 
 
 def test_ios_adds_gravity_and_flips_the_sign(tmp_path: Path) -> None:
-    imu = read_sensorlogger(log(tmp_path, IOS)).recording.imu
-    np.testing.assert_allclose(imu.accel_mps2[7], 9.80665 * UP + [0.5, 0, 0], atol=1e-8)
-    np.testing.assert_allclose(imu.gyro_radps[7], [0.1, 0.2, 0.3])
+    imu = recorded(tmp_path, IOS).imu
+    npt.assert_allclose(imu.accel_mps2[7], 9.80665 * UP + [0.5, 0, 0], atol=1e-8)
+    npt.assert_allclose(imu.gyro_radps[7], [0.1, 0.2, 0.3])
 
 
 @pytest.mark.parametrize(
@@ -90,46 +95,38 @@ def test_ios_standardised_or_not(
     still = {"Gravity.csv": table(9.80665 * gravity), "Accelerometer.csv": table(np.zeros(3))}
     files = {**IOS, **still, "Metadata.csv": metadata("iOS", standardisation)}
     del files["Orientation.csv"]
-    imu = read_sensorlogger(log(tmp_path, files)).recording.imu
-    np.testing.assert_allclose(imu.accel_mps2[0], sign * 9.80665 * UP, atol=1e-8)
+    imu = recorded(tmp_path, files).imu
+    npt.assert_allclose(imu.accel_mps2[0], sign * 9.80665 * UP, atol=1e-8)
 
 
 def test_uncalibrated_ios_acceleration_is_in_g_and_flipped(tmp_path: Path) -> None:
     files = {name: IOS[name] for name in ("Metadata.csv", "Gyroscope.csv")}
     files["AccelerometerUncalibrated.csv"] = table(-UP)
-    imu = read_sensorlogger(log(tmp_path, files)).recording.imu
-    np.testing.assert_allclose(imu.accel_mps2[0], 9.80665 * UP, atol=1e-7)
+    imu = recorded(tmp_path, files).imu
+    npt.assert_allclose(imu.accel_mps2[0], 9.80665 * UP, atol=1e-7)
 
 
 def test_rows_from_before_the_start_are_kept(tmp_path: Path) -> None:
     early = T_S - 0.1
-    files = {
-        "TotalAcceleration.csv": table(9.80665 * UP, t_s=early),
-        "Gyroscope.csv": table(np.zeros(3), t_s=early),
-    }
-    np.testing.assert_allclose(
-        read_sensorlogger(log(tmp_path, files)).recording.imu.t_s, early, atol=1e-4
-    )
+    accel, gyro = table(9.80665 * UP, t_s=early), table(np.zeros(3), t_s=early)
+    files = {"TotalAcceleration.csv": accel, "Gyroscope.csv": gyro}
+    npt.assert_allclose(recorded(tmp_path, files).imu.t_s, early, atol=1e-4)
 
 
 @pytest.mark.parametrize(
     ("rows", "unit_hpa"), [([0.5, 1013.25], 1.0), ([-0.5, 101.325], 10.0)], ids=["hPa", "kPa"]
 )
-def test_the_barometer_is_read_in_either_unit(
-    tmp_path: Path, rows: list[float], unit_hpa: float
-) -> None:
+def test_barometers_have_two_units(tmp_path: Path, rows: list[float], unit_hpa: float) -> None:
     written = table(np.array(rows), "pressure,relativeAltitude")
-    barometer = read_sensorlogger(
-        log(tmp_path, {**ANDROID, "Barometer.csv": written})
-    ).recording.barometer
-    np.testing.assert_allclose(barometer.pressure_hpa, np.full(len(T_S), rows[1] * unit_hpa))
-    np.testing.assert_allclose(barometer.t_s, T_S)
+    barometer = recorded(tmp_path, {**ANDROID, "Barometer.csv": written}).barometer
+    npt.assert_allclose(barometer.pressure_hpa, np.full(len(T_S), rows[1] * unit_hpa))
+    npt.assert_allclose(barometer.t_s, T_S)
 
 
 def test_a_barometer_that_says_nothing_of_the_air_is_left_out(tmp_path: Path) -> None:
     for written in (table(np.zeros(1), "pressure"), table(np.zeros(1), "relativeAltitude")):
         files = {**ANDROID, "Barometer.csv": written}
-        assert read_sensorlogger(log(tmp_path, files)).recording.barometer is None
+        assert recorded(tmp_path, files).barometer is None
 
 
 def test_networks_are_read_whatever_their_names(tmp_path: Path) -> None:
@@ -141,9 +138,9 @@ def test_networks_are_read_whatever_their_names(tmp_path: Path) -> None:
             (1.5, "", "aa", -55),
         ]
     )
-    wifi = read_sensorlogger(log(tmp_path, {**ANDROID, "WiFi.csv": rows})).recording.wifi
+    wifi = recorded(tmp_path, {**ANDROID, "WiFi.csv": rows}).wifi
     assert wifi.bssids == ("aa", "bb")
-    np.testing.assert_array_equal(wifi.rssi_dbm, [[-50, -60], [-55, np.nan]])
+    npt.assert_array_equal(wifi.rssi_dbm, [[-50, -60], [-55, np.nan]])
     for bad in (",x,", ",nan,", ",,"):
         damaged = rows.replace(",-60,", bad)
         with pytest.raises(InputError, match=r"WiFi\.csv: row 3 lacks a number"):
@@ -151,16 +148,14 @@ def test_networks_are_read_whatever_their_names(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("files", [ANDROID, IOS], ids=["android", "ios"])
-def test_gravity_decides_which_way_the_quaternion_turns(
-    tmp_path: Path, files: dict[str, str]
-) -> None:
-    attitude = read_sensorlogger(log(tmp_path, files)).recording.orientation.world_from_phone
-    np.testing.assert_allclose(rotation_from_quaternion(attitude[0]) @ UP, [0, 0, 1], atol=1e-6)
+def test_gravity_decides_how_the_quaternion_turns(tmp_path: Path, files: dict[str, str]) -> None:
+    attitude = recorded(tmp_path, files).orientation.world_from_phone
+    npt.assert_allclose(rotation_from_quaternion(attitude[0]) @ UP, [0, 0, 1], atol=1e-6)
 
 
 def test_an_attitude_against_gravity_is_left_out(tmp_path: Path) -> None:
     sideways = table(np.array([0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5)]), "qw,qz,qy,qx")
-    recording = read_sensorlogger(log(tmp_path, {**ANDROID, "Orientation.csv": sideways})).recording
+    recording = recorded(tmp_path, {**ANDROID, "Orientation.csv": sideways})
     assert recording.orientation is None
 
 
@@ -168,9 +163,7 @@ def test_an_attitude_against_gravity_is_left_out(tmp_path: Path) -> None:
 def test_only_sound_with_the_chirp_band_is_kept(tmp_path: Path, rate_hz: int, kept: bool) -> None:
     sound = io.BytesIO()
     soundfile.write(sound, np.zeros(1000), rate_hz, format="WAV")
-    audio = read_sensorlogger(
-        log(tmp_path, {**ANDROID, "Microphone.wav": sound.getvalue()})
-    ).recording.audio
+    audio = recorded(tmp_path, {**ANDROID, "Microphone.wav": sound.getvalue()}).audio
     assert (audio is not None) == kept
 
 
@@ -193,7 +186,7 @@ def test_a_gyroscope_that_cannot_be_believed_is_refused(
 
 def test_without_metadata_and_extras_it_still_reads(tmp_path: Path) -> None:
     files = {f"folder/{name}": ANDROID[name] for name in ("TotalAcceleration.csv", "Gyroscope.csv")}
-    recording = read_sensorlogger(log(tmp_path, files)).recording
+    recording = recorded(tmp_path, files)
     assert recording.device == "unknown"
     assert recording.magnetometer is None
 
@@ -223,9 +216,8 @@ def saved_again(text: str, separator: str, point: str, *, quoted: bool = False) 
     """As a spreadsheet saves it: another separator and decimal mark, and its own line ends."""
     rows = [[cell.replace(".", point) for cell in line.split(",")] for line in text.splitlines()]
     mark = '"' if quoted else ""
-    return "\ufeff" + "".join(
-        separator.join(f"{mark}{cell}{mark}" for cell in row) + "\r\n" for row in rows
-    )
+    lines = (separator.join(f"{mark}{cell}{mark}" for cell in row) for row in rows)
+    return "\ufeff" + "".join(f"{line}\r\n" for line in lines)
 
 
 @pytest.mark.parametrize(
@@ -237,17 +229,15 @@ def test_what_a_spreadsheet_saved_again_reads_the_same(
 ) -> None:
     wifi = "time,seconds_elapsed,ssid,bssid,frequency,level\n1,0.25,home,aa,2412,-50.5\n"
     whole = {**ANDROID, "WiFi.csv": wifi}
-    again = {
-        name: saved_again(text, separator, point, quoted=quoted) for name, text in whole.items()
-    }
-    wanted = read_sensorlogger(log(tmp_path, whole)).recording
-    found = read_sensorlogger(log(tmp_path, again)).recording
+    again = {log: saved_again(text, separator, point, quoted=quoted) for log, text in whole.items()}
+    wanted = recorded(tmp_path, whole)
+    found = recorded(tmp_path, again)
     assert found.device == wanted.device
-    np.testing.assert_array_equal(found.imu.accel_mps2, wanted.imu.accel_mps2)
-    np.testing.assert_array_equal(found.imu.t_s, wanted.imu.t_s)
-    np.testing.assert_array_equal(found.magnetometer.field_ut, wanted.magnetometer.field_ut)
-    np.testing.assert_array_equal(found.wifi.rssi_dbm, wanted.wifi.rssi_dbm)
-    np.testing.assert_array_equal(found.wifi.t_s, wanted.wifi.t_s)
+    npt.assert_array_equal(found.imu.accel_mps2, wanted.imu.accel_mps2)
+    npt.assert_array_equal(found.imu.t_s, wanted.imu.t_s)
+    npt.assert_array_equal(found.magnetometer.field_ut, wanted.magnetometer.field_ut)
+    npt.assert_array_equal(found.wifi.rssi_dbm, wanted.wifi.rssi_dbm)
+    npt.assert_array_equal(found.wifi.t_s, wanted.wifi.t_s)
 
 
 def test_decimal_commas_between_commas_are_refused_and_not_guessed(tmp_path: Path) -> None:
@@ -263,9 +253,9 @@ def annotations(*taps: tuple[float, str]) -> str:
 
 def test_taps_with_a_text_are_checkpoints(tmp_path: Path) -> None:
     taps = annotations((0.1, "door"), (0.3, " the  window "), (0.2, ""), (0.3, "again"))
-    recording = read_sensorlogger(log(tmp_path, {**ANDROID, "Annotation.csv": taps})).recording
+    recording = recorded(tmp_path, {**ANDROID, "Annotation.csv": taps})
     assert recording.checkpoints.names == ("door", "the window")
-    np.testing.assert_array_equal(recording.checkpoints.t_s, [0.1, 0.3])
+    npt.assert_array_equal(recording.checkpoints.t_s, [0.1, 0.3])
     assert recording.checkpoints.xy_m is None
     assert [note[:39] for note in recording.notes] == ["annotations that are no checkpoints: 2;"]
 
@@ -275,16 +265,16 @@ def test_taps_with_a_text_are_checkpoints(tmp_path: Path) -> None:
 )
 def test_two_numbers_are_a_place_on_the_plan(tmp_path: Path, texts: tuple[str, ...]) -> None:
     taps = annotations(*zip((0.1, 0.2, 0.3), texts, strict=True))
-    recording = read_sensorlogger(log(tmp_path, {**ANDROID, "Annotation.csv": taps})).recording
+    recording = recorded(tmp_path, {**ANDROID, "Annotation.csv": taps})
     places = [[1.5, -2], [np.nan, np.nan], [12, 0]]
-    np.testing.assert_array_equal(recording.checkpoints.xy_m, places)
+    npt.assert_array_equal(recording.checkpoints.xy_m, places)
     assert recording.notes == ("annotations taken as places on a plan, x and y in metres: 2",)
 
 
 def test_annotations_that_say_nothing_are_none(tmp_path: Path) -> None:
     for taps in ([], [(0.1, "")]):
         files = {**ANDROID, "Annotation.csv": annotations(*taps)}
-        recording = read_sensorlogger(log(tmp_path, files)).recording
+        recording = recorded(tmp_path, files)
         assert recording.checkpoints is None
         assert len(recording.notes) == len(taps)
     bad = log(tmp_path, {**ANDROID, "Annotation.csv": annotations((0.1, "a")).replace("0.1", "x")})
@@ -306,9 +296,7 @@ def test_where_the_phones_own_clock_ran_on_that_one_is_taken(tmp_path: Path) -> 
     """A restart of the app's seconds is then as long as it was, and nothing is to be told."""
     taps = annotations((0.1, "door"), (0.4, "window")).replace(",0.4,", ",0.1,")
     jumped = {name: put_back(ANDROID[name], 0.25, whole=False) for name in SENSOR_FILES}
-    recording = read_sensorlogger(
-        log(tmp_path, {**ANDROID, **jumped, "Annotation.csv": taps})
-    ).recording
-    np.testing.assert_allclose(recording.imu.t_s, T_S, atol=1e-4)
-    np.testing.assert_allclose(recording.checkpoints.t_s, [0.1, 0.4], atol=1e-3)
+    recording = recorded(tmp_path, {**ANDROID, **jumped, "Annotation.csv": taps})
+    npt.assert_allclose(recording.imu.t_s, T_S, atol=1e-4)
+    npt.assert_allclose(recording.checkpoints.t_s, [0.1, 0.4], atol=1e-3)
     assert recording.notes == ()

@@ -1,7 +1,5 @@
 """Tables of numbers; damaged ones are refused in test_recordings."""
 
-from __future__ import annotations
-
 import itertools
 from pathlib import Path
 
@@ -13,15 +11,6 @@ from hypothesis.extra.numpy import arrays
 
 from elfslam.base.errors import InputError
 from elfslam.data import tables
-from elfslam.data.tables import (
-    LINE_ENDS,
-    in_order,
-    lines_of,
-    read_header,
-    read_table,
-    read_timed_table,
-    write_timed_table,
-)
 
 
 @settings(max_examples=40, deadline=None)
@@ -33,40 +22,38 @@ from elfslam.data.tables import (
 def test_nine_digits_survive(tmp_path_factory: pytest.TempPathFactory, values: np.ndarray) -> None:
     file = tmp_path_factory.mktemp("table") / "a.csv"
     columns = ["a", "b", "c", "d"][: values.shape[1]]
-    write_timed_table(file, columns, np.arange(len(values)) / 50, values)
-    assert read_header(file) == ("t_s", *columns)
-    t_s, read = read_timed_table(file, columns)
+    tables.write_timed_table(file, columns, np.arange(len(values)) / 50, values)
+    assert tables.read_header(file) == ("t_s", *columns)
+    t_s, read = tables.read_timed_table(file, columns)
     np.testing.assert_allclose(t_s, np.arange(len(values)) / 50)
     np.testing.assert_allclose(read, values, rtol=1e-8)
 
 
 def test_a_byte_order_mark_and_spaces_do_no_harm(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes(b"\xef\xbb\xbft_s, x \r\n0, 1e1 \r\n\r\n")
-    assert read_table(tmp_path / "a.csv", ["x", "t_s"]).tolist() == [[10, 0]]
+    assert tables.read_table(tmp_path / "a.csv", ["x", "t_s"]).tolist() == [[10, 0]]
 
 
 def test_other_columns_may_hold_anything(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("note,x\nhello,1\n,2\n")
-    assert read_table(tmp_path / "a.csv", ["x"]).tolist() == [[1], [2]]
+    assert tables.read_table(tmp_path / "a.csv", ["x"]).tolist() == [[1], [2]]
 
 
-@pytest.mark.parametrize("end", LINE_ENDS)
-def test_more_lines_than_memory_holds_are_refused(
-    end: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.parametrize("end", tables.LINE_ENDS)
+def test_more_lines_than_fit_are_refused(end: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """However a line may end."""
     monkeypatch.setattr(tables, "MOST_LINES", 3)
-    assert len(lines_of(f"a{end}b{end}c", Path("log"))) == 3
+    assert len(tables.lines_of(f"a{end}b{end}c", Path("log"))) == 3
     with pytest.raises(InputError, match="log: has more than 3 lines; cut it in parts"):
-        lines_of("a" + 4 * end, Path("log"))
+        tables.lines_of("a" + 4 * end, Path("log"))
 
 
 def test_files_that_are_no_text_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes(b"t_s,x\n\xff\xfe\x00")
     with pytest.raises(InputError, match=r"a\.csv: is no text in UTF-8"):
-        read_table(tmp_path / "a.csv", ["x"])
+        tables.read_table(tmp_path / "a.csv", ["x"])
     with pytest.raises(InputError, match="cannot be read"):
-        read_table(tmp_path / "none.csv", ["x"])
+        tables.read_table(tmp_path / "none.csv", ["x"])
 
 
 @pytest.mark.parametrize(
@@ -80,16 +67,15 @@ def test_files_that_are_no_text_are_refused(tmp_path: Path) -> None:
     ],
 )
 def test_only_what_is_out_of_order_is_left_out(t_s: list[float], kept: list[int]) -> None:
-    assert in_order(t_s).tolist() == kept
+    assert tables.in_order(t_s).tolist() == kept
 
 
 @given(st.lists(st.integers(0, 9), max_size=9))
 def test_what_is_in_order_is_as_long_as_can_be(t_s: list[int]) -> None:
-    kept = in_order(t_s)
+    kept = tables.in_order(t_s)
     assert (np.diff(np.array(t_s)[kept]) >= 0).all()
-    subsets = itertools.chain.from_iterable(
-        itertools.combinations(t_s, size) for size in range(len(t_s) + 1)
-    )
+    sizes = range(len(t_s) + 1)
+    subsets = itertools.chain(*(itertools.combinations(t_s, size) for size in sizes))
     assert kept.sum() == max(len(each) for each in subsets if list(each) == sorted(each))
 
 
@@ -97,4 +83,4 @@ def test_a_row_of_countless_characters_is_refused_before_it_is_read(tmp_path: Pa
     file = tmp_path / "walk.csv"
     file.write_text("t_s,x\n0,1\n1," + "2" * 200_000 + "\n")
     with pytest.raises(InputError, match="row 3 has 200002 characters, wanted at most 100000"):
-        read_table(file, ["t_s", "x"])
+        tables.read_table(file, ["t_s", "x"])

@@ -1,7 +1,5 @@
 """One thread for torch: the same numbers everywhere, and no quarrel over cores."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from pathlib import Path

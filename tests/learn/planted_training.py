@@ -1,7 +1,5 @@
 """A toy training."""
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 from torch import Tensor
@@ -19,12 +17,8 @@ def toy_pairs(step: int, *, count: int = 8, noise: float = 0.3) -> EchoPairs:
     generator = np.random.default_rng([9, step])
     decay = np.exp(-np.arange(ECHO_SAMPLES) / 600)
     place, one, other = generator.standard_normal((3, count, ECHO_SAMPLES)) * decay
-    return EchoPairs(
-        first=place + noise * one,
-        second=place + noise * other,
-        room=np.arange(count) % 2,
-        xy_m=generator.uniform(0, 20, (count, 2)),
-    )
+    room, xy_m = np.arange(count) % 2, generator.uniform(0, 20, (count, 2))
+    return EchoPairs(place + noise * one, place + noise * other, room, xy_m)
 
 
 def traces(count: int, seed: int = 0) -> Tensor:

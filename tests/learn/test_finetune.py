@@ -4,8 +4,6 @@ The toy is a walk of three rounds: every place has echoes of its own under a lou
 places share, which the pre-trained encoder has not learnt to overhear.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -17,18 +15,8 @@ from elfslam.base.card import Card
 from elfslam.base.errors import InputError
 from elfslam.base.parameters import digest
 from elfslam.base.values import ECHO_SAMPLES, Echoes
-from elfslam.learn.finetune import (
-    Check,
-    Finetuned,
-    augmented,
-    beside,
-    finetune,
-    likely_revisits,
-    walk_loss,
-    walk_of,
-    window_means,
-    windows_of,
-)
+from elfslam.learn import finetune as tuning
+from elfslam.learn.finetune import Finetuned, augmented, beside, finetune, walk_loss, walk_of
 from elfslam.learn.loss import nt_xent
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.onnx_files import encoder_content, network_of
@@ -36,18 +24,9 @@ from elfslam.learn.parameters import FinetuneParameters
 from elfslam.stages.feature import OnnxEncoder, load_encoder
 
 ROUND, ROUNDS, ANCHOR = 200, 3, 8
-TOY = FinetuneParameters(
-    steps=30,
-    pairs=48,
-    warmup_steps=3,
-    learning_rate=2e-3,
-    check_steps=10,
-    line_similarity=0.65,
-    beside_windows=1,
-    block_s=10.0,
-    shortest_s=30.0,
-    threads=1,
-)
+SCHEDULE = {"steps": 30, "warmup_steps": 3, "check_steps": 10, "learning_rate": 2e-3, "pairs": 48}
+STRETCHES = {"beside_windows": 1, "block_s": 10.0, "shortest_s": 30.0}
+TOY = FinetuneParameters(line_similarity=0.65, threads=1, **SCHEDULE, **STRETCHES)
 """What all places share makes them resemble each other, so a line is asked for more."""
 
 
@@ -85,7 +64,6 @@ def recall(encoder: OnnxEncoder, echoes: Echoes) -> float:
 @pytest.fixture(scope="module")
 def encoder() -> OnnxEncoder:
     shipped = load_encoder("compact")
-    assert isinstance(shipped, OnnxEncoder)
     card = Card("Encoder: known", metrics={"a": 1.0})
     return OnnxEncoder(encoder_content(network_of(shipped.content), card), "known")
 
@@ -146,12 +124,8 @@ def test_the_same_seed_gives_the_same_bytes(
     assert other.checks != one.checks or other.encoder.content != one.encoder.content
 
 
-def test_its_card_adds_the_fine_tuning_to_that_of_the_parent(
-    encoder: OnnxEncoder, tuned: Finetuned
-) -> None:
+def test_its_card_adds_the_fine_tuning_to_another(encoder: OnnxEncoder, tuned: Finetuned) -> None:
     parent, found = encoder.card, tuned.encoder.card
-    assert parent is not None
-    assert found is not None
     assert found.text == parent.text
     assert found.metrics == {} != parent.metrics, "figures of the parent are not its own"
     made = found.finetunings[-1]
@@ -164,17 +138,15 @@ def test_its_card_adds_the_fine_tuning_to_that_of_the_parent(
 def test_what_was_fine_tuned_twice_says_so(tuned: Finetuned, echoes: Echoes) -> None:
     """The second time nothing may be won, and then the file stays as it is."""
     first = tuned.encoder.card
-    assert first is not None
     again = finetune(tuned.encoder, echoes, replace(TOY, steps=4, check_steps=4), seed=1)
     second = again.encoder.card
-    assert second is not None
     assert second.finetunings[: len(first.finetunings)] == first.finetunings
     assert len(second.finetunings) == len(first.finetunings) + again.changed
 
 
 def test_where_it_hurts_the_encoder_is_kept(encoder: OnnxEncoder, echoes: Echoes) -> None:
     """A learning rate that wrecks any network: the look at the quality notices."""
-    seen: list[Check] = []
+    seen: list[tuning.Check] = []
     wild = replace(TOY, steps=10, learning_rate=30.0, keep=0.0)
     wrecked = finetune(encoder, echoes, wild, seed=0, report=seen.append)
     assert wrecked.encoder is encoder
@@ -184,9 +156,7 @@ def test_where_it_hurts_the_encoder_is_kept(encoder: OnnxEncoder, echoes: Echoes
     assert max(check.quality for check in seen) <= wrecked.checks[0].quality
 
 
-def test_in_a_walk_out_of_order_there_is_nothing_to_learn(
-    encoder: OnnxEncoder, echoes: Echoes
-) -> None:
+def test_a_walk_out_of_order_teaches_nothing(encoder: OnnxEncoder, echoes: Echoes) -> None:
     order = np.random.default_rng(0).permutation(len(echoes.t_s))
     shuffled = Echoes(echoes.t_s, echoes.samples[order], echoes.losses_s)
     found = finetune(encoder, shuffled, TOY, seed=0)
@@ -218,9 +188,7 @@ def test_an_echo_behind_a_gap_is_no_positive(encoder: OnnxEncoder, echoes: Echoe
     assert 25 in first
 
 
-def test_spared_pairs_do_not_push_but_keep_their_similarity(
-    encoder: OnnxEncoder, echoes: Echoes
-) -> None:
+def test_spared_pairs_do_not_push_but_stay_similar(encoder: OnnxEncoder, echoes: Echoes) -> None:
     """Where everything is spared, only what has moved is left to lose."""
     still = replace(TOY, jitter_samples=0, noise=0.0)
     walk = walk_of(encoder.embed(echoes.samples), echoes, still)
@@ -239,9 +207,8 @@ def test_without_spared_pairs_it_is_plain_nt_xent(encoder: OnnxEncoder, echoes: 
     walk = walk_of(encoder.embed(echoes.samples), echoes, still)
     none_spared = replace(walk, spared=np.zeros_like(walk.spared))
     rows = walk.first[:64:8]
-    loss = walk_loss(
-        network_of(encoder.content), none_spared, rows, still, torch.Generator().manual_seed(0)
-    )
+    chance = torch.Generator().manual_seed(0)
+    loss = walk_loss(network_of(encoder.content), none_spared, rows, still, chance)
     views = walk.vectors[rows], walk.vectors[rows + 1]
     expected = nt_xent(*views, torch.zeros(len(rows), len(rows), dtype=torch.bool), 0.1)
     assert float(loss.detach()) == pytest.approx(float(expected), abs=1e-4)
@@ -288,9 +255,9 @@ def unit_rows(count: int, seed: int = 0) -> F32:
 
 
 def test_windows_are_means_of_consecutive_echoes() -> None:
-    window = windows_of(7, 3)
+    window = tuning.windows_of(7, 3)
     assert window.tolist() == [0, 0, 0, 1, 1, 1, 2]
-    means = window_means(np.arange(7, dtype=np.float32)[:, None], window)
+    means = tuning.window_means(np.arange(7, dtype=np.float32)[:, None], window)
     assert means[:, 0].tolist() == [1.0, 4.0, 6.0]
 
 
@@ -299,7 +266,7 @@ def test_a_stretch_walked_again_is_found_and_a_single_likeness_is_not(back: bool
     rows = unit_rows(40)
     rows[25:35] = rows[5:15][::-1] if back else rows[5:15]
     rows[20] = rows[1]
-    found = likely_revisits(rows, 5, 0.5)
+    found = tuning.likely_revisits(rows, 5, 0.5)
     here = np.arange(7, 13)
     assert found[here, 39 - here if back else here + 20].all()
     assert not found[1, 20]
@@ -311,7 +278,7 @@ def test_the_mean_along_a_line_is_that_of_a_loop() -> None:
     rows = unit_rows(12, 3)
     scores = rows @ rows.T
     for threshold in (-0.05, 0.0, 0.05):
-        found = likely_revisits(rows, 5, threshold)
+        found = tuning.likely_revisits(rows, 5, threshold)
         for i in range(12):
             for j in range(12):
                 means = [
@@ -322,9 +289,8 @@ def test_the_mean_along_a_line_is_that_of_a_loop() -> None:
                     ])
                     for turn in (1, -1)
                 ]  # fmt: skip
-                assert abs(max(means) - threshold) < 1e-5 or found[i, j] == (
-                    max(means) >= threshold
-                )
+                most = max(means)
+                assert abs(most - threshold) < 1e-5 or found[i, j] == (most >= threshold)
 
 
 def test_beside_reaches_as_far_as_asked() -> None:

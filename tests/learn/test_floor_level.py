@@ -4,8 +4,6 @@ The toy floor has spots whose echoes are a sound of the spot under a louder one 
 which the shipped encoder has not learnt to overhear.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -16,14 +14,7 @@ import torch
 
 from elfslam.base.errors import ParameterError, StoreError
 from elfslam.base.values import ECHO_SAMPLES
-from elfslam.learn.floor_level import (
-    EchoesOf,
-    FloorLevel,
-    FloorNetwork,
-    batch_loss,
-    floor_elfs,
-    learn_floor,
-)
+from elfslam.learn import floor_level
 from elfslam.learn.loss import spot_contrast
 from elfslam.learn.onnx_files import network_of
 from elfslam.learn.parameters import FloorLevelParameters
@@ -39,7 +30,6 @@ TOY = FloorLevelParameters(
 
 def shipped() -> OnnxEncoder:
     encoder = load_encoder("compact")
-    assert isinstance(encoder, OnnxEncoder)
     return encoder
 
 
@@ -60,10 +50,10 @@ def learnt(
     parameters: FloorLevelParameters = TOY,
     *,
     seed: int = 0,
-    echoes_of: EchoesOf = toy_echoes,
+    echoes_of: floor_level.EchoesOf = toy_echoes,
     report: Callable[[TrainingStep], None] = lambda progress: None,
-) -> FloorLevel:
-    return learn_floor(
+) -> floor_level.FloorLevel:
+    return floor_level.learn_floor(
         shipped(), SPOTS_M, echoes_of, parameters,
         seed=seed, checkpoint=folder / "floor.checkpoint", report=report,
     )  # fmt: skip
@@ -71,7 +61,7 @@ def learnt(
 
 def named_rightly(encoder: OnnxEncoder) -> float:
     """Share of echoes that training never heard whose nearest floor-level ELF is of their spot."""
-    spots = floor_elfs(encoder, SPOTS_M, (toy_echoes(step) for step in range(100, 106)))
+    spots = floor_level.floor_elfs(encoder, SPOTS_M, (toy_echoes(step) for step in range(100, 106)))
     asked = toy_echoes(200, count=100)
     best = (encoder.embed(asked.samples) @ spots.T).argmax(axis=1)
     return float((SPOTS_M[best, 0] == asked.xy_m[:, 0]).mean())
@@ -91,13 +81,12 @@ def test_the_head_alone_leaves_the_body_as_it_was(tmp_path: Path) -> None:
     after = network_of(learnt(tmp_path, replace(TOY, part="head")).encoder.content)
     samples = torch.tensor(toy_echoes(0).samples)
     torch.testing.assert_close(before.inner(samples), after.inner(samples), atol=1e-4, rtol=1e-3)
-    moved = (before.head[0].weight - after.head[0].weight).abs().max()  # type: ignore[union-attr,operator]
+    moved = (before.head[0].weight - after.head[0].weight).abs().max()
     assert moved > 1e-4
 
 
 def test_a_killed_training_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
     whole = learnt(tmp_path / "a") if (tmp_path / "a").mkdir() is None else None
-    assert whole is not None
 
     class KilledError(Exception):
         pass
@@ -133,7 +122,6 @@ def test_an_unknown_part_is_refused(tmp_path: Path) -> None:
 
 def test_the_card_says_that_a_floor_was_learnt(tmp_path: Path) -> None:
     card = learnt(tmp_path).encoder.card
-    assert card is not None
     assert card.finetunings[-1].parent == shipped().identity
     assert card.finetunings[-1].echoes == 24 * TOY.steps
     assert card.finetunings[-1].outcome.startswith("floor level")
@@ -142,7 +130,7 @@ def test_the_card_says_that_a_floor_was_learnt(tmp_path: Path) -> None:
 def test_the_loss_of_a_batch_is_that_of_its_cosines() -> None:
     draw = np.random.default_rng(0)
     spots = draw.standard_normal((len(SPOTS_M), 128)).astype(np.float32)
-    network = FloorNetwork(network_of(shipped().content).eval(), spots)
+    network = floor_level.FloorNetwork(network_of(shipped().content).eval(), spots)
     batch = toy_echoes(0)
     unit = spots / np.linalg.norm(spots, axis=1, keepdims=True)
     logits = shipped().embed(batch.samples) @ unit.T / TOY.temperature
@@ -151,7 +139,7 @@ def test_the_loss_of_a_batch_is_that_of_its_cosines() -> None:
     wanted /= wanted.sum(axis=1, keepdims=True)
     log_share = logits - np.log(np.exp(logits).sum(axis=1, keepdims=True))
     by_hand = -(wanted * log_share).sum(axis=1).mean()
-    loss = batch_loss(network, SPOTS_M, batch, TOY).detach()
+    loss = floor_level.batch_loss(network, SPOTS_M, batch, TOY).detach()
     assert float(loss) == pytest.approx(by_hand, rel=1e-4)
 
 
@@ -168,5 +156,5 @@ def test_the_spots_lose_what_the_echoes_of_a_walk_have_in_common() -> None:
     encoder = load_encoder("compact")
     walks = [toy_echoes(step) for step in (100, 101)]
     heard = [(w.xy_m, w.heading_rad, mean_normalised(encoder.embed(w.samples))) for w in walks]
-    found = floor_elfs(encoder, SPOTS_M, walks)
+    found = floor_level.floor_elfs(encoder, SPOTS_M, walks)
     np.testing.assert_allclose(found, spot_means(SPOTS_M, heard), atol=1e-6)

@@ -1,7 +1,5 @@
 """NT-Xent against a double loop, and what the mask takes out of it."""
 
-from __future__ import annotations
-
 import math
 
 import pytest
@@ -65,9 +63,8 @@ def test_it_is_the_double_loop(count: int, size: int, seed: int, temperature: fl
 def test_a_weight_is_as_good_as_that_many_negatives(count: int, seed: int, times: int) -> None:
     first, second = unit_rows(count, 5, seed), unit_rows(count, 5, seed + 1)
     itself = torch.eye(count, dtype=torch.bool)
-    log_weight = torch.full((count, count), math.log(times), dtype=torch.float64).masked_fill(
-        itself, 0.0
-    )
+    log_weight = torch.full((count, count), math.log(times), dtype=torch.float64)
+    log_weight = log_weight.masked_fill(itself, 0.0)
     rows = torch.cat([first, second])
     expected = 0.0
     for i in range(2 * count):

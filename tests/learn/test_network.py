@@ -1,7 +1,5 @@
 """The encoders' networks: the line's spectrogram inside, unit rows outside."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,25 +14,14 @@ from elfslam.base.arrays import F64, I64
 from elfslam.base.errors import InputError
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, EchoPairs
 from elfslam.baselines.generic import root_spectrogram, unit_rows
-from elfslam.learn.network import (
-    CompactEncoder,
-    ResNetEncoder,
-    Spectrogram,
-    Stem,
-    components,
-    moments,
-    normalised_log,
-    normalised_root,
-    resnet18,
-    with_components,
-)
+from elfslam.learn import network as networks
 from elfslam.learn.onnx_files import encoder_content, export_encoder, network_of
 from elfslam.stages.feature import OnnxEncoder, load_encoder, spectrogram
 
 NETWORKS: dict[str, Callable[[], nn.Module]] = {
-    "compact": lambda: CompactEncoder(8),
-    "ResNet-18": ResNetEncoder,
-    "ResNet-18, small stem": lambda: ResNetEncoder("small"),
+    "compact": lambda: networks.CompactEncoder(8),
+    "ResNet-18": networks.ResNetEncoder,
+    "ResNet-18, small stem": lambda: networks.ResNetEncoder("small"),
 }
 
 
@@ -51,7 +38,7 @@ def network(request: pytest.FixtureRequest) -> nn.Module:
 
 def test_the_spectrogram_is_that_of_the_line() -> None:
     samples = traces(7)
-    ours = Spectrogram()(samples).numpy()
+    ours = networks.Spectrogram()(samples).numpy()
     theirs = spectrogram(samples.numpy())
     assert ours.shape == (7, 12, 48)
     np.testing.assert_allclose(ours, theirs, rtol=1e-4, atol=1e-4 * theirs.max())
@@ -98,17 +85,18 @@ def test_silence_gives_a_feature_and_no_nan(network: nn.Module) -> None:
 
 
 def test_the_image_has_zero_mean_and_unit_variance() -> None:
-    image = normalised_log(Spectrogram()(traces(5)))
+    image = networks.normalised_log(networks.Spectrogram()(traces(5)))
     assert float(image.mean(dim=(1, 2)).abs().max()) < 1e-5
     np.testing.assert_allclose(image.var(dim=(1, 2), correction=0).numpy(), 1.0, atol=1e-4)
 
 
 def test_roots_are_unit_rows_without_mean_whatever_the_level() -> None:
-    magnitude = Spectrogram()(traces(5))
-    root = normalised_root(magnitude)
+    magnitude = networks.Spectrogram()(traces(5))
+    root = networks.normalised_root(magnitude)
     expected = root_spectrogram(traces(5).numpy())
     np.testing.assert_allclose(root.numpy(), unit_rows(expected), atol=1e-5)
-    np.testing.assert_allclose(normalised_root(9 * magnitude).numpy(), root.numpy(), atol=1e-6)
+    again = networks.normalised_root(9 * magnitude)
+    np.testing.assert_allclose(again.numpy(), root.numpy(), atol=1e-6)
 
 
 @pytest.mark.parametrize("network", ["compact"], indirect=True)
@@ -123,9 +111,9 @@ def test_time_is_not_averaged_away(network: nn.Module) -> None:
 
 
 @pytest.fixture(scope="module")
-def resnet() -> ResNetEncoder:
+def resnet() -> networks.ResNetEncoder:
     torch.manual_seed(0)
-    made = ResNetEncoder()
+    made = networks.ResNetEncoder()
     with torch.no_grad():
         made.train()(traces(16))
     return made.eval()
@@ -134,19 +122,19 @@ def resnet() -> ResNetEncoder:
 def test_it_has_as_many_weights_as_published() -> None:
     """11,689,512 for ImageNet; less its classifier (513,000), and one colour instead of three."""
     colours = 2 * 64 * 7 * 7
-    counted = sum(weights.numel() for weights in resnet18("imagenet").parameters())
+    counted = sum(weights.numel() for weights in networks.resnet18("imagenet").parameters())
     assert counted == 11_689_512 - 513_000 - colours
 
 
 @pytest.mark.parametrize(("stem", "cells"), [("imagenet", (3, 12)), ("small", (12, 48))])
-def test_the_stems_leave_what_they_say_to_the_first_stage(
-    stem: Stem, cells: tuple[int, int]
+def test_stems_leave_what_they_say_to_the_first_stage(
+    stem: networks.Stem, cells: tuple[int, int]
 ) -> None:
     entry = 3 if stem == "imagenet" else 2
-    assert resnet18(stem)[:entry](torch.zeros(1, 1, 12, 48)).shape == (1, 64, *cells)
+    assert networks.resnet18(stem)[:entry](torch.zeros(1, 1, 12, 48)).shape == (1, 64, *cells)
 
 
-def test_its_file_is_read_by_the_line(resnet: ResNetEncoder, tmp_path: Path) -> None:
+def test_its_file_is_read_by_the_line(resnet: networks.ResNetEncoder, tmp_path: Path) -> None:
     export_encoder(resnet, tmp_path / "resnet.onnx")
     encoder, samples = load_encoder(str(tmp_path / "resnet.onnx")), traces(5, 1)
     with torch.no_grad():
@@ -172,16 +160,16 @@ def test_they_are_the_singular_vectors_of_what_varies_within_visits() -> None:
     heard, visit = planted(400, 8)
     own = heard - np.array([heard[visit == v].mean(axis=0) for v in range(8)])[visit]
     axes = np.linalg.svd(own, full_matrices=False)[2][:5]
-    weight, _ = components(moments(heard, visit), size=5)
+    weight, _ = networks.components(networks.moments(heard, visit), size=5)
     npt.assert_allclose(np.abs(np.sum(weight * axes, axis=1)), 1.0, atol=1e-6)
 
 
 def test_batches_add_up_and_what_all_echoes_share_is_zero() -> None:
     heard, visit = planted(400, 8)
-    whole = moments(heard, visit)
-    added = moments(heard[:200], visit[:200]) + moments(heard[200:], visit[200:])
+    whole = networks.moments(heard, visit)
+    added = networks.moments(heard[:200], visit[:200]) + networks.moments(heard[200:], visit[200:])
     npt.assert_allclose(added.squares, whole.squares, rtol=1e-9, atol=1e-9)
-    weight, bias = components(added, size=5)
+    weight, bias = networks.components(added, size=5)
     npt.assert_allclose(weight @ heard.mean(axis=0) + bias, 0.0, atol=1e-9)
 
 
@@ -194,12 +182,11 @@ def echoes(pairs: int, seed: int) -> EchoPairs:
 
 def test_cosines_are_nearly_those_of_both_features_side_by_side() -> None:
     shipped = load_encoder("compact")
-    assert isinstance(shipped, OnnxEncoder)
     network, batch = network_of(shipped.content).eval(), echoes(64, 1)
     rows = torch.from_numpy(batch.first.copy())
     with torch.no_grad():
         beside = network.beside(*network.inner(rows)).double()
-        made = with_components(network, [batch])(rows).double()
+        made = networks.with_components(network, [batch])(rows).double()
     npt.assert_allclose(torch.linalg.norm(beside, dim=1).numpy(), 2**0.5, rtol=1e-4)
     beside = torch.nn.functional.normalize(beside - beside.mean(dim=0), dim=1)
     npt.assert_allclose((made @ made.T).numpy(), (beside @ beside.T).numpy(), atol=0.1)
@@ -207,12 +194,12 @@ def test_cosines_are_nearly_those_of_both_features_side_by_side() -> None:
 
 def test_a_network_with_components_goes_through_its_file() -> None:
     torch.manual_seed(0)
-    network, batch = CompactEncoder(8), echoes(64, 1)
+    network, batch = networks.CompactEncoder(8), echoes(64, 1)
     assert network.components is None
     rows = torch.from_numpy(batch.first.copy())
     network.train()(rows)
     network.eval()
-    made = with_components(network, [echoes(64, 2), echoes(64, 3)])
+    made = networks.with_components(network, [echoes(64, 2), echoes(64, 3)])
     wanted = made(rows).detach().numpy()
     assert wanted.shape == (64, ELF_SIZE)
     content = encoder_content(made)
@@ -224,4 +211,4 @@ def test_a_network_with_components_goes_through_its_file() -> None:
 
 def test_without_echoes_nothing_is_fitted() -> None:
     with pytest.raises(InputError, match="wanted pairs of echoes, got none; pass a batch"):
-        with_components(CompactEncoder(8).eval(), [])
+        networks.with_components(networks.CompactEncoder(8).eval(), [])

@@ -1,7 +1,5 @@
 """Encoders as ONNX: the same numbers, any number of rows."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -70,9 +68,7 @@ def test_the_line_reads_it(network: CompactEncoder, file: Path) -> None:
     np.testing.assert_allclose(encoder.embed(samples), by_torch(network, samples), atol=1e-5)
 
 
-def test_the_same_network_gives_the_same_file(
-    network: CompactEncoder, file: Path, tmp_path: Path
-) -> None:
+def test_one_network_gives_one_file(network: CompactEncoder, file: Path, tmp_path: Path) -> None:
     """So that the identity of an encoder, a digest of its file, means its weights."""
     export_encoder(network, tmp_path / "again.onnx")
     assert (tmp_path / "again.onnx").read_bytes() == file.read_bytes()

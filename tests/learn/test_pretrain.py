@@ -1,7 +1,5 @@
 """Pre-training: it learns, it resumes where it was, and it refuses what it cannot resume."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,17 +14,11 @@ from torch import nn
 
 from elfslam.base.errors import StoreError
 from elfslam.base.values import EchoPairs
+from elfslam.learn import pretrain as pretraining
 from elfslam.learn.network import CompactEncoder, ResNetEncoder
 from elfslam.learn.parameters import PretrainParameters
-from elfslam.learn.pretrain import (
-    PairsOf,
-    Pretrained,
-    build_network,
-    pair_loss,
-    pretrain,
-    training_device,
-)
-from elfslam.learn.resumable import TrainingStep
+from elfslam.learn.pretrain import PairsOf, build_network, pair_loss, pretrain, training_device
+from elfslam.learn.resumable import TrainingStep, prefetched, warm_cosine
 
 TINY = PretrainParameters(
     steps=4, pairs=8, width=4, warmup_steps=2, learning_rate=3e-3, checkpoint_steps=2
@@ -48,7 +40,7 @@ def trained(
     pairs_of: PairsOf = toy_pairs,
     report: Callable[[TrainingStep], None] = lambda progress: None,
     seed: int = 0,
-) -> Pretrained:
+) -> pretraining.Pretrained:
     return pretrain(
         pairs_of, parameters, seed=seed, checkpoint=folder / "training.pt", report=report
     )
@@ -70,12 +62,8 @@ def same_weights(one: nn.Module, other: nn.Module) -> bool:
 def test_the_loss_falls(tmp_path: Path) -> None:
     losses: list[float] = []
     parameters = replace(TINY, steps=20, warmup_steps=3)
-    network = run(
-        tmp_path,
-        parameters,
-        pairs_of=lambda step: toy_pairs(0),
-        report=lambda progress: losses.append(progress.loss),
-    )
+    note = {"report": lambda progress: losses.append(progress.loss)}
+    network = run(tmp_path, parameters, pairs_of=lambda step: toy_pairs(0), **note)
     assert len(losses) == 20
     assert losses[-1] < 0.2 * losses[0]
     assert not network.training
@@ -162,12 +150,8 @@ def test_every_step_gets_its_own_batch_in_order(tmp_path: Path) -> None:
         asked.append(step)
         return toy_pairs(step)
 
-    run(
-        tmp_path,
-        replace(TINY, steps=12),
-        pairs_of=pairs_of,
-        report=lambda progress: lead.append(max(asked) - progress.step),
-    )
+    note = {"report": lambda progress: lead.append(max(asked) - progress.step)}
+    run(tmp_path, replace(TINY, steps=12), pairs_of=pairs_of, **note)
     assert asked == list(range(12))
     assert max(lead) <= 3
 
@@ -214,3 +198,23 @@ def test_places_too_near_are_no_negatives() -> None:
     with torch.no_grad():
         assert float(pair_loss(network, together, TINY)) == pytest.approx(0.0, abs=1e-6)
         assert float(pair_loss(network, apart, TINY)) > 0.5
+
+
+def test_batches_come_in_order_and_only_those_asked_for() -> None:
+    made: list[int] = []
+
+    def batch(step: int) -> int:
+        made.append(step)
+        return step * step
+
+    assert list(prefetched(batch, 3, 9)) == [(k, k * k) for k in range(3, 9)]
+    assert made == list(range(3, 9))
+    assert list(prefetched(batch, 9, 9)) == []
+
+
+def test_the_rate_rises_to_its_peak_and_falls_to_nothing() -> None:
+    rates = [warm_cosine(step, 10, 1000) for step in range(1001)]
+    assert rates[0] == pytest.approx(0.1)
+    assert max(rates) == pytest.approx(1.0, abs=1e-3)
+    assert rates[500] == pytest.approx(0.5)
+    assert rates[1000] == pytest.approx(0.0, abs=1e-9)

@@ -1,24 +1,12 @@
 """A walk with a known truth: five rounds in a room of 10 x 6 m, dead-reckoned with drift."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
+from elfslam.base import values
 from elfslam.base.geometry import between, chain
-from elfslam.base.values import (
-    ECHO_SAMPLES,
-    Closures,
-    Echoes,
-    Features,
-    Odometry,
-    Run,
-    Similarity,
-    Trajectory,
-    Truth,
-)
 from elfslam.scoring.figures import FloorPlan
 
 STEP_M = 0.65
@@ -38,17 +26,17 @@ def _rounds() -> np.ndarray:
 
 
 @pytest.fixture(scope="session")
-def truth() -> Truth:
+def truth() -> values.Truth:
     poses = _rounds()
-    return Truth(t_s=1.0 + STEP_S * np.arange(len(poses)), world_from_body=poses)
+    return values.Truth(t_s=1.0 + STEP_S * np.arange(len(poses)), world_from_body=poses)
 
 
 @pytest.fixture(scope="session")
-def waypoints(truth: Truth) -> Truth:
+def waypoints(truth: values.Truth) -> values.Truth:
     """The same walk as positions alone, one in seven."""
     poses = truth.world_from_body[::7].copy()
     poses[:, 2] = np.nan
-    return Truth(t_s=truth.t_s[::7], world_from_body=poses)
+    return values.Truth(t_s=truth.t_s[::7], world_from_body=poses)
 
 
 @pytest.fixture(scope="session")
@@ -60,7 +48,7 @@ def floor_plan() -> FloorPlan:
 
 
 @pytest.fixture(scope="session")
-def run(truth: Truth) -> Run:
+def run(truth: values.Truth) -> values.Run:
     generator = np.random.default_rng(7)
     poses, size = truth.world_from_body, truth.t_s.size
     moves = between(poses[:-1], poses[1:])
@@ -70,21 +58,17 @@ def run(truth: Truth) -> Run:
     walked = chain(start, moves) + generator.normal(0, [0.06, 0.06, 0.01], (size, 3))
     sigma = 0.05 + 0.1 * np.abs(np.sin(np.arange(size) / 15))
     closures, scores = _closures(poses, generator)
-    return Run(
+    covariance = sigma[:, None, None] ** 2 * np.diag([1.0, 2.0, 0.01])
+    weights = np.clip(generator.normal(0.8, 0.3, closures.i.size), 0, 1)
+    return values.Run(
         name="living room <b>round</b>",
-        odometry=Odometry(truth.t_s, chain(start, drifting), np.full((size - 1, 3), 0.05)),
-        similarity=Similarity(scores, "elf"),
+        odometry=values.Odometry(truth.t_s, chain(start, drifting), np.full((size - 1, 3), 0.05)),
+        similarity=values.Similarity(scores, "elf"),
         closures=closures,
-        trajectory=Trajectory(
-            truth.t_s,
-            walked,
-            sigma[:, None, None] ** 2 * np.diag([1.0, 2.0, 0.01]),
-            np.clip(generator.normal(0.8, 0.3, closures.i.size), 0, 1),
-            "OK",
-        ),
+        trajectory=values.Trajectory(truth.t_s, walked, covariance, weights, "OK"),
         floor_map=None,
         echoes=_echoes(truth),
-        features=Features(truth.t_s, np.eye(size, 128)[:, :128] + _one(size), "compact-1"),
+        features=values.Features(truth.t_s, np.eye(size, 128)[:, :128] + _one(size), "compact-1"),
         seconds={"echoes": 1.9, "features": 3.2, "similarity": 0.4, "closures": 0.8, "graph": 0.6},
     )
 
@@ -96,13 +80,15 @@ def _one(size: int) -> np.ndarray:
     return rows
 
 
-def _echoes(truth: Truth) -> Echoes:
+def _echoes(truth: values.Truth) -> values.Echoes:
     size = truth.t_s.size
     losses = np.array([[40.0, 1.2]])
-    return Echoes(truth.t_s, np.zeros((size, ECHO_SAMPLES)), losses)
+    return values.Echoes(truth.t_s, np.zeros((size, values.ECHO_SAMPLES)), losses)
 
 
-def _closures(poses: np.ndarray, generator: np.random.Generator) -> tuple[Closures, np.ndarray]:
+def _closures(
+    poses: np.ndarray, generator: np.random.Generator
+) -> tuple[values.Closures, np.ndarray]:
     apart = np.linalg.norm(poses[:, None, :2] - poses[None, :, :2], axis=2)
     facing = np.cos(poses[:, None, 2] - poses[None, :, 2]) > 0.5
     noise = generator.normal(0, 0.06, apart.shape)
@@ -112,14 +98,14 @@ def _closures(poses: np.ndarray, generator: np.random.Generator) -> tuple[Closur
     i, j = np.append(i[pick], [3, 10]), np.append(j[pick], [60, 90])
     relative = between(poses[i], poses[j])
     covariance = np.tile(np.eye(3) * 0.04, (i.size, 1, 1))
-    return Closures(i, j, scores[i, j], relative, covariance), scores[:-1, :-1]
+    return values.Closures(i, j, scores[i, j], relative, covariance), scores[:-1, :-1]
 
 
 @pytest.fixture(scope="session")
-def moved() -> Callable[[Truth, np.ndarray], np.ndarray]:
+def moved() -> Callable[[values.Truth, np.ndarray], np.ndarray]:
     """Poses of a truth, seen from a map that lies at `world_from_map`."""
 
-    def poses(truth: Truth, world_from_map: np.ndarray) -> np.ndarray:
+    def poses(truth: values.Truth, world_from_map: np.ndarray) -> np.ndarray:
         return np.asarray(between(world_from_map, truth.world_from_body))
 
     return poses

@@ -1,6 +1,4 @@
-"""Errors of walks and fixes: planted answers, laws, and evo as the oracle."""
-
-from __future__ import annotations
+"""Errors of walks and fixes: planted answers, laws, evo as the oracle; normalised errors."""
 
 import json
 from collections.abc import Callable
@@ -11,26 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from elfslam.base.errors import InputError
-from elfslam.base.geometry import compose
-from elfslam.base.values import Closures, Fixes, FixStatus, Run, Trajectory, Truth
-from elfslam.scoring.errors import (
-    AS_DECLARED,
-    Alignment,
-    SimilarityTransform,
-    alignment_of,
-    closure_scores,
-    end_error_share,
-    fix_errors,
-    fix_scores,
-    interval,
-    match,
-    placed_errors,
-    placement,
-    position_errors,
-    run_scores,
-    score_closures,
-    summarise,
-)
+from elfslam.base.geometry import chain, compose
+from elfslam.base.values import Closures, Fixes, FixStatus, Odometry, Run, Trajectory, Truth
+from elfslam.scoring import errors as scoring
+from elfslam.scoring.consistency import Displacements, displacement_errors
+from elfslam.scoring.errors import Alignment, interval, position_errors, score_closures, summarise
 
 Moved = Callable[[Truth, np.ndarray], np.ndarray]
 WHERE = np.array([3.0, -2.0, 2.1])
@@ -41,8 +24,8 @@ shift = st.floats(-50.0, 50.0)
 def test_scale_is_forgiven_only_where_it_should_be(truth: Truth, moved: Moved) -> None:
     poses = moved(truth, WHERE) * [1.1, 1.1, 1]
     assert position_errors(truth.t_s, poses, truth, Alignment.ALIGNED).max() > 0.3
-    matched = match(truth.t_s, poses, truth)
-    found = placement(matched, Alignment.ALIGNED_WITH_SCALE)
+    matched = scoring.match(truth.t_s, poses, truth)
+    found = scoring.placement(matched, Alignment.ALIGNED_WITH_SCALE)
     assert found.scale == pytest.approx(1 / 1.1)
     assert position_errors(truth.t_s, poses, truth, Alignment.ALIGNED_WITH_SCALE).max() < 1e-9
 
@@ -54,7 +37,8 @@ def test_anchored_error_of_a_wrong_first_heading() -> None:
     poses = straight + [0, 0, wrong] * (t_s == 0)[:, None]
     errors = position_errors(t_s, poses, Truth(t_s, straight), Alignment.ANCHORED)
     assert np.allclose(errors, 2 * away_m * np.sin(wrong / 2))
-    assert end_error_share(t_s, poses, Truth(t_s, straight)) == pytest.approx(2 * np.sin(wrong / 2))
+    share = scoring.end_error_share(t_s, poses, Truth(t_s, straight))
+    assert share == pytest.approx(2 * np.sin(wrong / 2))
 
 
 def test_dense_truth_is_interpolated_and_only_its_span_counts() -> None:
@@ -93,9 +77,7 @@ def test_walks_apart_in_time_are_refused(truth: Truth) -> None:
 
 @settings(max_examples=25, deadline=None)
 @given(x=shift, y=shift, turn=angle, seed=st.integers(0, 99))
-def test_moving_the_estimate_changes_no_error(
-    truth: Truth, x: float, y: float, turn: float, seed: int
-) -> None:
+def test_moving_changes_no_error(truth: Truth, x: float, y: float, turn: float, seed: int) -> None:
     noise = np.random.default_rng(seed).normal(0, 0.3, truth.world_from_body.shape)
     poses = truth.world_from_body + noise
     there = compose(np.array([x, y, turn]), poses)
@@ -118,9 +100,8 @@ def test_evo_agrees(run: Run, truth: Truth, alignment: Alignment) -> None:
         zeros = np.zeros(len(poses))
         half = poses[:, 2] / 2
         turns = np.column_stack([np.cos(half), zeros, zeros, np.sin(half)])
-        return trajectory.PoseTrajectory3D(
-            np.column_stack([poses[:, :2], zeros]), turns, truth.t_s.copy()
-        )
+        xyz_m = np.column_stack([poses[:, :2], zeros])
+        return trajectory.PoseTrajectory3D(xyz_m, turns, truth.t_s.copy())
 
     reference, estimate = path(truth.world_from_body), path(run.odometry.world_from_body)
     estimate.align(reference, correct_scale=alignment is Alignment.ALIGNED_WITH_SCALE)
@@ -128,9 +109,8 @@ def test_evo_agrees(run: Run, truth: Truth, alignment: Alignment) -> None:
     error.process_data((reference, estimate))
     odometry = run.odometry
     ours = position_errors(odometry.t_s, odometry.world_from_body, truth, alignment)
-    assert summarise(ours).rmse_m == pytest.approx(
-        error.get_statistic(metrics.StatisticsType.rmse), rel=1e-9
-    )
+    theirs = error.get_statistic(metrics.StatisticsType.rmse)
+    assert summarise(ours).rmse_m == pytest.approx(theirs, rel=1e-9)
     assert ours.max() == pytest.approx(error.get_statistic(metrics.StatisticsType.max), rel=1e-9)
 
 
@@ -146,7 +126,7 @@ def test_summary_of_known_errors() -> None:
 def test_alignment_of_finds_where_the_map_lies(truth: Truth, moved: Moved) -> None:
     poses, size = moved(truth, WHERE), truth.t_s.size
     walk = Trajectory(truth.t_s, poses, np.zeros((size, 3, 3)), np.empty(0), "OK")
-    assert np.allclose(alignment_of(walk, truth), WHERE)
+    assert np.allclose(scoring.alignment_of(walk, truth), WHERE)
 
 
 def planted_fixes(xy_m: np.ndarray, t_s: np.ndarray) -> Fixes:
@@ -162,19 +142,14 @@ def test_fixes_are_scored_with_what_was_refused(truth: Truth, moved: Moved) -> N
     xy_m = moved(truth, WHERE)[:, :2].copy()
     xy_m[[0, 4]] += [0, 2.0]
     xy_m[2:4] += [0.5, 0]
-    summary = fix_errors(planted_fixes(xy_m, truth.t_s), truth, WHERE)
+    summary = scoring.fix_errors(planted_fixes(xy_m, truth.t_s), truth, WHERE)
     assert summary.ambiguous.median_m == pytest.approx(2.0)
     assert summary.ambiguous.count == 2
     assert summary.ok.count == truth.t_s.size - 4
     assert summary.ok.maximum_m == pytest.approx(0.5)
     assert summary.ok.median_m < 1e-9
-    assert summary.by_status == {
-        "OK": truth.t_s.size - 4,
-        "AMBIGUOUS": 2,
-        "UNKNOWN_PLACE": 1,
-        "NO_ECHO": 1,
-        "SUSPECT": 0,
-    }
+    told = {"OK": truth.t_s.size - 4, "AMBIGUOUS": 2, "UNKNOWN_PLACE": 1, "NO_ECHO": 1}
+    assert summary.by_status == told | {"SUSPECT": 0}
     assert summary.coverage == pytest.approx((truth.t_s.size - 4) / truth.t_s.size)
 
 
@@ -182,21 +157,22 @@ def test_fixes_at_waypoints_are_interpolated(truth: Truth, waypoints: Truth, mov
     later = truth.t_s[:-1] + 0.2
     poses = moved(truth, WHERE)
     xy_m = poses[:-1, :2] + (poses[1:, :2] - poses[:-1, :2]) * (0.2 / np.diff(truth.t_s))[:, None]
-    summary = fix_errors(planted_fixes(xy_m, later), waypoints, WHERE)
+    summary = scoring.fix_errors(planted_fixes(xy_m, later), waypoints, WHERE)
     assert summary.ok.count == waypoints.t_s.size - 1  # the first waypoint precedes all fixes
     assert summary.ok.median_m < 0.01
 
 
 def test_a_waypoint_beside_an_ambiguous_fix_is_ambiguous(truth: Truth, waypoints: Truth) -> None:
     later = truth.t_s[3:] + 0.2  # fix 4 comes just after the waypoint of row 7
-    summary = fix_errors(planted_fixes(truth.world_from_body[3:, :2], later), waypoints, WHERE)
+    fixes = planted_fixes(truth.world_from_body[3:, :2], later)
+    summary = scoring.fix_errors(fixes, waypoints, WHERE)
     assert summary.ambiguous.count == 1
     assert summary.ok.count == waypoints.t_s.size - 2
 
 
 def test_fixes_outside_the_truth_are_counted_but_not_scored(truth: Truth) -> None:
-    xy_m = np.zeros((6, 2))
-    summary = fix_errors(planted_fixes(xy_m, truth.t_s[-1] + 1 + np.arange(6.0)), truth, WHERE)
+    later = truth.t_s[-1] + 1 + np.arange(6.0)
+    summary = scoring.fix_errors(planted_fixes(np.zeros((6, 2)), later), truth, WHERE)
     assert summary.ok.count == 0
     assert summary.by_status["OK"] == 2
 
@@ -204,12 +180,11 @@ def test_fixes_outside_the_truth_are_counted_but_not_scored(truth: Truth) -> Non
 def test_nothing_is_forgiven_where_the_start_was_declared(truth: Truth, moved: Moved) -> None:
     poses = moved(truth, WHERE)
     apart = np.linalg.norm(poses[:, :2] - truth.world_from_body[:, :2], axis=1)
-    np.testing.assert_allclose(placed_errors(truth.t_s, poses, truth, AS_DECLARED), apart)
-    back = placement(match(truth.t_s, poses, truth), Alignment.ALIGNED)
-    assert (
-        placed_errors(truth.t_s, poses, truth, SimilarityTransform(back.world_from_map)).max()
-        < 1e-9
-    )
+    errors = scoring.placed_errors(truth.t_s, poses, truth, scoring.AS_DECLARED)
+    np.testing.assert_allclose(errors, apart)
+    back = scoring.placement(scoring.match(truth.t_s, poses, truth), Alignment.ALIGNED)
+    same = scoring.SimilarityTransform(back.world_from_map)
+    assert scoring.placed_errors(truth.t_s, poses, truth, same).max() < 1e-9
 
 
 T_S = np.arange(0.0, 50.0, 5.0)
@@ -307,7 +282,7 @@ def test_nothing_is_refused() -> None:
 
 
 def test_a_row_per_method_and_alignment(run: Run, truth: Truth) -> None:
-    rows = run_scores(run, truth)
+    rows = scoring.run_scores(run, truth)
     keys = [(row["method"], row["alignment"]) for row in rows]
     kinds = ["anchored", "aligned", "aligned with scale"]
     assert keys == [(method, kind) for method in ("dead reckoning", "SLAM") for kind in kinds]
@@ -320,8 +295,8 @@ def test_a_row_per_method_and_alignment(run: Run, truth: Truth) -> None:
 def test_rows_are_json(run: Run, truth: Truth) -> None:
     unknown = np.full(1, np.nan)
     refused = Fixes([3.0], [[np.nan, np.nan]], unknown, np.full((1, 2, 2), np.nan), unknown, [2])
-    rows = [*run_scores(run, truth), *closure_scores(run, truth)]
-    fixes = fix_scores(refused, truth, np.zeros(3))
+    rows = [*scoring.run_scores(run, truth), *scoring.closure_scores(run, truth)]
+    fixes = scoring.fix_scores(refused, truth, np.zeros(3))
     assert json.loads(json.dumps([*rows, *fixes], allow_nan=False)) == [*rows, *fixes]
     assert fixes[0]["median_m"] is None
     none = dict.fromkeys(["OK", "AMBIGUOUS", "NO_ECHO", "SUSPECT"], 0)
@@ -331,10 +306,87 @@ def test_rows_are_json(run: Run, truth: Truth) -> None:
 def test_planted_wrong_closures_lower_the_precision_until_the_graph_rejects_them(
     run: Run, truth: Truth
 ) -> None:
-    found, kept = closure_scores(run, truth)
+    found, kept = scoring.closure_scores(run, truth)
     count = run.closures.i.size
     assert found["precision"] == pytest.approx((count - 2) / count)
-    assert (found["count"], kept["count"]) == (
-        count,
-        int((run.trajectory.closure_weights > 0.5).sum()),
+    kept_count = int((run.trajectory.closure_weights > 0.5).sum())
+    assert (found["count"], kept["count"]) == (count, kept_count)
+
+
+STEPS = 150
+STEP_M = 0.7
+START = np.zeros(3)
+STILL = np.zeros(3)
+
+
+def planted(seed, step_sigma=STILL, scale_sigma=0.0, drift_radps=0.0, said=1.0):
+    """A walk of a few turns and its odometry, wrong by what it says (or `said` times that)."""
+    generator = np.random.default_rng(seed)
+    moves = np.column_stack([np.full(STEPS, STEP_M), np.zeros(STEPS), np.zeros(STEPS)])
+    moves[[40, 80, 110], 2] = [1.2, -0.8, 1.5]
+    t_s = 0.5 * np.arange(STEPS + 1)
+    wrong = moves + step_sigma * generator.standard_normal(moves.shape)
+    wrong[:, :2] *= 1 + scale_sigma * generator.standard_normal()
+    wrong[:, 2] += drift_radps * 0.5 * generator.standard_normal()
+    sigma = np.tile(np.maximum(step_sigma, 1e-4) * said, (STEPS, 1))
+    odometry = Odometry(t_s, chain(START, wrong), sigma, said * scale_sigma, said * drift_radps)
+    return odometry, Truth(t_s, chain(START, moves))
+
+
+def all_errors(distance_m, **options):
+    found = [displacement_errors(*planted(seed, **options), distance_m) for seed in range(60)]
+    return Displacements(
+        np.vstack([one.error_m for one in found]),
+        np.vstack([one.sigma_m for one in found]),
+        np.concatenate([one.nees for one in found]),
     )
+
+
+@pytest.mark.parametrize("distance_m", [5.0, 20.0, 60.0])
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"step_sigma": np.array([0.2, 0.1, 0.01])},
+        {"step_sigma": np.array([0.05, 0.05, 0.001]), "scale_sigma": 0.08},
+        {"step_sigma": np.array([0.05, 0.05, 0.001]), "drift_radps": 0.002},
+    ],
+    ids=["steps", "scale", "drift"],
+)
+def test_right_sigmas_give_two_in_the_mean(distance_m, wrong):
+    found = all_errors(distance_m, **wrong)
+    assert len(found.nees) > 200
+    assert found.nees.mean() == pytest.approx(2.0, abs=0.6)
+    within = np.abs(found.error_m) < found.sigma_m
+    assert within.mean() == pytest.approx(0.68, abs=0.08)
+
+
+def test_sigmas_half_as_large_give_four_times_as_much():
+    steps = {"step_sigma": np.array([0.2, 0.1, 0.01])}
+    right, bold = all_errors(20.0, **steps), all_errors(20.0, **steps, said=0.5)
+    assert bold.nees.mean() == pytest.approx(4 * right.nees.mean(), rel=0.01)
+    np.testing.assert_allclose(bold.error_m, right.error_m)
+
+
+def test_a_wrong_scale_errs_along_and_a_drift_across():
+    odometry, truth = planted(0)
+    longer = Odometry(odometry.t_s, odometry.world_from_body * [1.1, 1.1, 1.0], odometry.step_sigma)
+    found = displacement_errors(longer, truth, 20.0)
+    straight = np.abs(found.error_m[:, 1]) < 0.01
+    assert straight.all()
+    assert (found.error_m[:, 0] > 0.5).all()
+
+
+def test_waypoints_count_with_their_own_error():
+    odometry, dense = planted(1, step_sigma=np.array([0.2, 0.1, 0.01]))
+    poses = dense.world_from_body[::8].copy()
+    poses[:, 2] = np.nan
+    waypoints = Truth(dense.t_s[::8], poses)
+    sure, doubted = (displacement_errors(odometry, waypoints, 20.0, m) for m in (0.0, 0.5))
+    assert len(sure.nees) > 5
+    assert (doubted.sigma_m > sure.sigma_m).all()
+    assert (doubted.sigma_m[:, 0] ** 2 - sure.sigma_m[:, 0] ** 2) == pytest.approx(0.5)
+
+
+def test_a_short_walk_has_none():
+    odometry, truth = planted(0)
+    assert len(displacement_errors(odometry, truth, 500.0).nees) == 0

@@ -1,7 +1,5 @@
 """Traces hold what they should; reductions keep what matters."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -40,9 +38,8 @@ def test_closures_are_grouped_by_weight() -> None:
 
 def test_judged_closures_are_coloured_and_leave_out_the_unknown() -> None:
     xy_m = np.array([[0, 0], [1, 0], [2, 0], [3, 0.0]])
-    closures = Closures(
-        [0, 1, 2, 0], [2, 3, 3, 3], [1, 1, 1, 1], np.zeros((4, 3)), np.zeros((4, 3, 3))
-    )
+    zeros, i, j = np.zeros((4, 3)), [0, 1, 2, 0], [2, 3, 3, 3]
+    closures = Closures(i, j, [1, 1, 1, 1], zeros, np.zeros((4, 3, 3)))
     right, known = np.array([True, False, False, False]), np.array([True, True, False, True])
     kept = np.array([True, True, True, False])
     traces = figures.judged_closure_traces(xy_m, closures, right, known, kept)

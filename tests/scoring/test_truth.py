@@ -1,7 +1,5 @@
 """Truth files: what they give, and what is refused with one line."""
 
-from __future__ import annotations
-
 import tracemalloc
 import zipfile
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """The page of a world: everything is drawn where it stands, and nothing else."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

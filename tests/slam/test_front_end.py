@@ -1,7 +1,5 @@
 """What the line is given of a walk: footsteps, echoes, and one-line refusals."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from itertools import islice
@@ -12,22 +10,15 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from elfslam.base.arrays import F32
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import compose, interpolate_poses
 from elfslam.base.parameters import load
 from elfslam.base.values import Audio, Imu, Magnetometer, Odometry, Recording
 from elfslam.data.mall import read_walk, walks_in
+from elfslam.slam import front_end
 from elfslam.slam.coverage import missing_of
 from elfslam.slam.crop import crop
-from elfslam.slam.front_end import (
-    apply_acoustic_scale,
-    compass_of,
-    dead_reckoning_nodes,
-    extract_echoes,
-    extract_query_echoes,
-    too_noisy,
-)
+from elfslam.slam.front_end import compass_of, dead_reckoning_nodes, extract_echoes, too_noisy
 from elfslam.slam.parameters import Parameters
 from elfslam.stages.feature import Encoder, load_encoder
 from elfslam.world.circumstances import Circumstances
@@ -89,9 +80,7 @@ def test_echoes_of_which_nobody_measured_the_noise_are_not_blamed(recording: Rec
 
 
 @pytest.mark.parametrize("stretch", [(0.0, 1e6), (3.0, 8.0)])
-def test_a_dead_first_channel_changes_nothing(
-    recording: Recording, stretch: tuple[float, float]
-) -> None:
+def test_a_dead_channel_changes_nothing(recording: Recording, stretch: tuple[float, float]) -> None:
     """For maps and for fixes; and none of the sound is missing."""
     audio, quiet = recording.audio, np.random.default_rng(0)
     dead = 1e-5 * quiet.standard_normal(audio.samples.shape[1])
@@ -102,13 +91,13 @@ def test_a_dead_first_channel_changes_nothing(
     for sound in (both, silent):
         stereo = crop(dataclasses.replace(recording, audio=sound), *stretch)
         npt.assert_array_equal(extract_echoes(stereo, PARAMETERS).samples, wanted.samples)
-        npt.assert_array_equal(extract_query_echoes(stereo, PARAMETERS)[0].samples, wanted.samples)
+        asked, _ = front_end.extract_query_echoes(stereo, PARAMETERS)
+        npt.assert_array_equal(asked.samples, wanted.samples)
     lacked = [missing_of(each, wanted, PARAMETERS.motion) for each in (stereo, part)]
     assert lacked[0] == lacked[1]
 
 
 def test_sound_that_ends_before_the_motion_keeps_its_times(recording: Recording) -> None:
-    assert recording.audio is not None
     whole = extract_echoes(recording, PARAMETERS)
     samples = recording.audio.samples[:, : -2 * 44_100]
     shorter = dataclasses.replace(recording, audio=Audio(samples, 44_100))
@@ -121,7 +110,6 @@ def test_sound_that_ends_before_the_motion_keeps_its_times(recording: Recording)
 
 def without_motion(recording: Recording, from_s: float, until_s: float) -> Recording:
     imu = recording.imu
-    assert imu is not None
     kept = (imu.t_s < from_s) | (imu.t_s > until_s)
     cut = Imu(imu.t_s[kept], imu.accel_mps2[kept], imu.gyro_radps[kept])
     return dataclasses.replace(recording, imu=cut)
@@ -137,7 +125,6 @@ def test_only_sound_that_has_motion_is_heard(recording: Recording) -> None:
 
 
 def test_sound_of_a_time_without_motion_alone_is_refused(recording: Recording) -> None:
-    assert recording.audio is not None
     samples = recording.audio.samples.copy()
     samples[:, 5 * 44_100 :] = 0.0
     early = dataclasses.replace(recording, audio=Audio(samples, 44_100, is_timed=True))
@@ -148,13 +135,11 @@ def test_sound_of_a_time_without_motion_alone_is_refused(recording: Recording) -
 @pytest.mark.parametrize("timed", [True, False], ids=["with times of its own", "counted"])
 def test_a_hole_in_the_sound_is_no_refusal(recording: Recording, timed: bool) -> None:
     """A call of which most of the walk is silent: only the sound that is there is judged."""
-    assert recording.audio is not None
     samples = recording.audio.samples.copy()
     length = samples.shape[1]
     samples[:, length // 6 : 5 * length // 6] = 0.0
-    echoes = extract_echoes(
-        dataclasses.replace(recording, audio=Audio(samples, 44_100, is_timed=timed)), PARAMETERS
-    )
+    audio = Audio(samples, 44_100, is_timed=timed)
+    echoes = extract_echoes(dataclasses.replace(recording, audio=audio), PARAMETERS)
     whole = extract_echoes(recording, PARAMETERS)
     third = (whole.t_s < length / 6 / 44_100 - 0.1) | (whole.t_s > 5 * length / 6 / 44_100 + 0.1)
     nearest = np.min(np.abs(echoes.t_s[:, None] - whole.t_s[third]), axis=0)
@@ -163,7 +148,6 @@ def test_a_hole_in_the_sound_is_no_refusal(recording: Recording, timed: bool) ->
 
 def test_jumps_of_sound_with_times_of_its_own_are_no_losses(recording: Recording) -> None:
     """A browser that lost sound knows when the rest was heard, however early the walk ended."""
-    assert recording.audio is not None
     at, lost = 12 * 44_100 + 2_000, 1_300
     samples = np.delete(recording.audio.samples, np.s_[at : at + lost], axis=1)[:, : -3 * 44_100]
     counted = dataclasses.replace(recording, audio=Audio(samples, 44_100))
@@ -244,9 +228,7 @@ def test_a_start_without_heading_needs_a_compass() -> None:
     poses = [dead_reckoning_nodes(one, PARAMETERS).world_from_body for one in (nowhere, bare)]
     npt.assert_array_equal(*poses)
     with pytest.raises(InputError, match=r"no heading \(compass: the field has no horizontal"):
-        dead_reckoning_nodes(
-            dataclasses.replace(nowhere, start_pose=(1.0, 2.0, np.nan)), PARAMETERS
-        )
+        dead_reckoning_nodes(dataclasses.replace(nowhere, start_pose=(1, 2, np.nan)), PARAMETERS)
 
 
 def straight_odometry() -> Odometry:
@@ -264,38 +246,28 @@ def test_a_device_with_odometry_needs_no_footsteps() -> None:
 
 def test_motion_sensors_come_before_the_devices_odometry(recording: Recording) -> None:
     both = dataclasses.replace(recording, odometry=straight_odometry())
-    npt.assert_array_equal(
-        dead_reckoning_nodes(both, PARAMETERS).t_s, dead_reckoning_nodes(recording, PARAMETERS).t_s
-    )
+    one, other = (dead_reckoning_nodes(each, PARAMETERS).t_s for each in (both, recording))
+    npt.assert_array_equal(one, other)
 
 
-def test_a_recording_without_motion_is_refused(recording: Recording) -> None:
-    still = dataclasses.replace(recording, imu=None)
+def test_recordings_without_motion_or_sound_or_at_another_rate_are_refused(
+    recording: Recording,
+) -> None:
     with pytest.raises(InputError, match=r"studio: it has neither motion sensors nor odom"):
-        dead_reckoning_nodes(still, PARAMETERS)
-
-
-def test_a_recording_without_sound_is_refused(recording: Recording) -> None:
-    deaf = dataclasses.replace(recording, audio=None)
+        dead_reckoning_nodes(dataclasses.replace(recording, imu=None), PARAMETERS)
     with pytest.raises(InputError, match=r"studio: it has no sound; map it by magn"):
-        extract_echoes(deaf, PARAMETERS)
-
-
-def test_a_recording_at_another_rate_is_refused(recording: Recording) -> None:
-    samples: F32 = np.zeros((1, 99_000), dtype=np.float32)
-    strange = dataclasses.replace(recording, audio=Audio(samples, 22_050))
+        extract_echoes(dataclasses.replace(recording, audio=None), PARAMETERS)
+    strange = Audio(np.zeros((1, 99_000), dtype=np.float32), 22_050)
     with pytest.raises(InputError, match="wanted 44100 or 48000 Hz, got 22050"):
-        extract_echoes(strange, PARAMETERS)
+        extract_echoes(dataclasses.replace(recording, audio=strange), PARAMETERS)
 
 
 def test_steps_of_a_known_length_stay_as_they_are(recording: Recording) -> None:
-    nodes, echoes = (
-        dead_reckoning_nodes(recording, PARAMETERS),
-        extract_echoes(recording, PARAMETERS),
-    )
+    nodes = dead_reckoning_nodes(recording, PARAMETERS)
+    echoes = extract_echoes(recording, PARAMETERS)
     sure = dataclasses.replace(nodes, scale_sigma=0.0)
-    assert apply_acoustic_scale(sure, echoes, PARAMETERS) is sure
-    heard = apply_acoustic_scale(nodes, echoes, PARAMETERS)
+    assert front_end.apply_acoustic_scale(sure, echoes, PARAMETERS) is sure
+    heard = front_end.apply_acoustic_scale(nodes, echoes, PARAMETERS)
     assert 0 < heard.scale_sigma < nodes.scale_sigma
     before, after = (np.diff(each.world_from_body[:, :2], axis=0) for each in (nodes, heard))
     scale = np.linalg.norm(after) / np.linalg.norm(before)
@@ -305,7 +277,7 @@ def test_steps_of_a_known_length_stay_as_they_are(recording: Recording) -> None:
 
 def test_without_a_schedule_the_echoes_for_fixes_are_the_echoes(recording: Recording) -> None:
     assert recording.played_t_s is None
-    echoes, suspect = extract_query_echoes(recording, PARAMETERS)
+    echoes, suspect = front_end.extract_query_echoes(recording, PARAMETERS)
     npt.assert_array_equal(echoes.samples, extract_echoes(recording, PARAMETERS).samples)
     assert not suspect(echoes.t_s).any()
 
@@ -317,9 +289,8 @@ def test_real_walks_end_where_they_should_by_the_compass_alone(shared_data: Path
         found = read_walk(path)
         true = found.truth.world_from_body[:, :2]
         start = (float(true[0, 0]), float(true[0, 1]), np.nan)
-        nodes = dead_reckoning_nodes(
-            dataclasses.replace(found.recording, start_pose=start), PARAMETERS
-        )
+        begun = dataclasses.replace(found.recording, start_pose=start)
+        nodes = dead_reckoning_nodes(begun, PARAMETERS)
         end = interpolate_poses(nodes.t_s, nodes.world_from_body, found.truth.t_s[-1:])[0, :2]
         way_m = np.linalg.norm(np.diff(true, axis=0), axis=1).sum()
         shares.append(np.linalg.norm(end - true[-1]) / way_m)

@@ -1,10 +1,9 @@
 """The line put together, on a simulated walk of two rounds through the studio."""
 
-from __future__ import annotations
-
 import dataclasses
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 
@@ -13,25 +12,13 @@ import numpy.testing as npt
 import pytest
 from scipy import signal
 
+from elfslam.base import values
 from elfslam.base.arrays import F64
 from elfslam.base.enums import Mode
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import between, compose, shifted
 from elfslam.base.parameters import digest
-from elfslam.base.values import (
-    NO_CLOSURES,
-    Audio,
-    Checkpoints,
-    Closures,
-    Echoes,
-    FixStatus,
-    Odometry,
-    Recording,
-    Run,
-    Similarity,
-    Trajectory,
-    Truth,
-)
+from elfslam.base.values import Checkpoints, FixStatus, Odometry, Recording, Run, Similarity, Truth
 from elfslam.slam import pipeline as slam
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import Sense, map_by, map_by_echoes, no_similarity, optimise_walk
@@ -66,6 +53,10 @@ def run(recording: Recording, encoder: Encoder) -> Run:
     return map_by_echoes(recording, encoder, PARAMETERS)
 
 
+def noting(what_is_done: list[str]) -> Callable[[str, float], None]:
+    return lambda what, share: what_is_done.append(what)
+
+
 def true_xy_m(truth: Truth, t_s: F64) -> F64:
     columns = [np.interp(t_s, truth.t_s, truth.world_from_body[:, axis]) for axis in (0, 1)]
     return np.column_stack(columns)
@@ -73,9 +64,7 @@ def true_xy_m(truth: Truth, t_s: F64) -> F64:
 
 def shape_error_m(xy_m: F64, wanted_m: F64) -> float:
     """How far distances between any two positions are off: no alignment is needed to compare."""
-    apart, wanted = (
-        np.linalg.norm(rows[:, None] - rows[None, :], axis=2) for rows in (xy_m, wanted_m)
-    )
+    apart, wanted = (np.linalg.norm(xy[:, None] - xy[None], axis=2) for xy in (xy_m, wanted_m))
     return float(np.sqrt(np.mean((apart - wanted) ** 2)))
 
 
@@ -87,17 +76,13 @@ def test_echoes_straighten_the_walk(run: Run, walk: tuple[Recording, Truth]) -> 
     assert len(run.closures.i) >= 5
     assert after_m < 0.8 * before_m
     kept = run.trajectory.closure_weights > 0.5
-    apart_m = np.linalg.norm(
-        wanted_m[run.closures.i[kept]] - wanted_m[run.closures.j[kept]], axis=1
-    )
+    found = run.closures
+    apart_m = np.linalg.norm(wanted_m[found.i[kept]] - wanted_m[found.j[kept]], axis=1)
     assert np.median(apart_m) < 0.5
 
 
 def test_the_values_of_a_run_fit_together(run: Run, recording: Recording) -> None:
     nodes = len(run.odometry.t_s)
-    assert run.floor_map is not None
-    assert run.echoes is not None
-    assert run.features is not None
     npt.assert_array_equal(run.features.t_s, run.echoes.t_s)
     npt.assert_array_equal(run.trajectory.t_s, run.odometry.t_s)
     assert run.similarity.scores.shape == (nodes - 1, nodes - 1)
@@ -108,18 +93,12 @@ def test_the_values_of_a_run_fit_together(run: Run, recording: Recording) -> Non
     assert run.floor_map.sources == (recording.name,)
     assert run.floor_map.payloads[0].encoder == run.features.encoder
     assert run.name == recording.name
-    assert recording.audio is not None
     assert len(run.echoes.t_s) > 9.5 * recording.audio.samples.shape[1] / recording.audio.rate_hz
 
 
 def test_an_encoder_without_learning_runs_on_the_same_line(recording: Recording) -> None:
     announced: list[str] = []
-    made = map_by_echoes(
-        recording,
-        SpectralEncoder(),
-        PARAMETERS,
-        announce=lambda what, share: announced.append(what),
-    )
+    made = map_by_echoes(recording, SpectralEncoder(), PARAMETERS, announce=noting(announced))
     stages = ["motion", "echoes", "step length", *AFTER_ECHOES]
     assert announced == stages
     assert list(made.seconds) == stages
@@ -135,12 +114,12 @@ def test_a_footstep_sounds_like_itself_more_than_like_others(run: Run) -> None:
 
 
 def test_fine_tuning_enters_as_a_function(recording: Recording) -> None:
-    seen: list[tuple[Encoder, Echoes]] = []
+    seen: list[tuple[Encoder, values.Echoes]] = []
 
     class Tuned(SpectralEncoder):
         identity = "tuned"
 
-    def adapt(given: Encoder, echoes: Echoes) -> Encoder:
+    def adapt(given: Encoder, echoes: values.Echoes) -> Encoder:
         seen.append((given, echoes))
         return Tuned()
 
@@ -148,13 +127,10 @@ def test_fine_tuning_enters_as_a_function(recording: Recording) -> None:
     made = map_by_echoes(recording, shipped, PARAMETERS, adapt=adapt)
     assert [given for given, _ in seen] == [shipped]
     assert seen[0][1] is made.echoes
-    assert made.features is not None
     assert made.features.encoder == "tuned"
 
 
-def test_the_same_recording_gives_the_same_run(
-    recording: Recording, encoder: Encoder, run: Run
-) -> None:
+def test_one_recording_gives_one_run(recording: Recording, encoder: Encoder, run: Run) -> None:
     again = map_by_echoes(recording, encoder, PARAMETERS)
     npt.assert_array_equal(again.trajectory.world_from_body, run.trajectory.world_from_body)
     npt.assert_array_equal(again.closures.i, run.closures.i)
@@ -172,12 +148,8 @@ def test_whatever_makes_a_similarity_closes_loops(walk: tuple[Recording, Truth])
         return Similarity(np.exp(-((apart_m / 0.8) ** 2)).astype(np.float32), "oracle")
 
     announced: list[str] = []
-    made = map_by(
-        recording,
-        [Sense(true_neighbours, PARAMETERS.closure)],
-        PARAMETERS,
-        announce=lambda what, share: announced.append(what),
-    )
+    sense = Sense(true_neighbours, PARAMETERS.closure)
+    made = map_by(recording, [sense], PARAMETERS, announce=noting(announced))
     stages = ["motion", "similarity", "closures", "graph"]
     assert announced == list(made.seconds) == stages
     assert asked[0][0] is recording
@@ -215,9 +187,7 @@ def test_places_named_by_hand_close_loops(walk: tuple[Recording, Truth]) -> None
     assert plain.points_of_interest == ()
 
 
-def test_places_named_by_hand_are_on_the_map_of_echoes(
-    recording: Recording, encoder: Encoder, run: Run
-) -> None:
+def test_places_named_by_hand_are_mapped(recording: Recording, encoder: Encoder, run: Run) -> None:
     told = Checkpoints(run.odometry.t_s[[5]], ("Door",))
     made = map_by_echoes(dataclasses.replace(recording, checkpoints=told), encoder, PARAMETERS)
     [door] = made.points_of_interest
@@ -226,21 +196,17 @@ def test_places_named_by_hand_are_on_the_map_of_echoes(
 
 
 def test_a_walk_is_located_in_its_own_map(recording: Recording, encoder: Encoder, run: Run) -> None:
-    assert run.floor_map is not None
     fixes = slam.locate(recording, run.floor_map, encoder, PARAMETERS)
     good = fixes.status == FixStatus.OK
     there = (fixes.t_s > run.odometry.t_s[0]) & (fixes.t_s < run.odometry.t_s[-1])
     assert (good & there).sum() > 0.95 * there.sum()
-    columns = [
-        np.interp(fixes.t_s, run.trajectory.t_s, run.trajectory.world_from_body[:, axis])
-        for axis in (0, 1)
-    ]
+    t_s, poses = run.trajectory.t_s, run.trajectory.world_from_body
+    columns = [np.interp(fixes.t_s, t_s, poses[:, axis]) for axis in (0, 1)]
     error_m = np.linalg.norm(fixes.xy_m - np.column_stack(columns), axis=1)[good & there]
     assert np.median(error_m) < 0.1
 
 
 def test_another_walk_is_located_in_the_map(run: Run, encoder: Encoder) -> None:
-    assert run.floor_map is not None
     recording, truth = simulate(load_world("studio"), seed=8, rounds=1)
     fixes = slam.locate(recording, run.floor_map, encoder, PARAMETERS)
     good = fixes.status == FixStatus.OK
@@ -253,7 +219,6 @@ def test_a_phone_that_hears_otherwise_is_heard_as_the_maps(
     recording: Recording, run: Run, encoder: Encoder
 ) -> None:
     """An encoder whose vectors are mirrored stands for a phone: its translation mirrors back."""
-    assert run.floor_map is not None
     size = run.floor_map.payloads[0].vectors.shape[1]
     mirror = np.diag(np.where(np.arange(size) % 2, -1.0, 1.0)).astype(np.float32)
     payload = run.floor_map.payloads[0]
@@ -268,10 +233,7 @@ def test_a_phone_that_hears_otherwise_is_heard_as_the_maps(
 
 
 @pytest.mark.parametrize("mode", [Mode.TRAJECTORY, Mode.TRACK])
-def test_with_footsteps_another_walk_is_located_better(
-    run: Run, encoder: Encoder, mode: Mode
-) -> None:
-    assert run.floor_map is not None
+def test_footsteps_locate_another_walk_better(run: Run, encoder: Encoder, mode: Mode) -> None:
     recording, truth = simulate(load_world("studio"), seed=8, rounds=1)
     fixes = slam.locate(recording, run.floor_map, encoder, PARAMETERS, mode=mode)
     good = (fixes.status == FixStatus.OK) & (fixes.t_s <= truth.t_s[-1])
@@ -283,13 +245,12 @@ def test_with_footsteps_another_walk_is_located_better(
 
 def jammed(recording: Recording) -> tuple[Recording, float]:
     """A walk with noise in the chirp's band from some moment (s) on."""
-    assert recording.audio is not None
     samples = recording.audio.samples.copy()
     first = samples.shape[1] // 2
     rough = np.random.default_rng(0).standard_normal(samples.shape[1] - first)
     band = signal.butter(4, [15_000, 20_000], "bandpass", fs=44_100, output="sos")
     samples[0, first:] += (0.05 * signal.sosfilt(band, rough)).astype(np.float32)
-    return dataclasses.replace(recording, audio=Audio(samples, 44_100)), first / 44_100
+    return dataclasses.replace(recording, audio=values.Audio(samples, 44_100)), first / 44_100
 
 
 @pytest.fixture(scope="module")
@@ -299,10 +260,9 @@ def scheduled() -> Recording:
 
 
 @pytest.mark.parametrize("mode", Mode)
-def test_what_cannot_be_trusted_is_suspect(
+def test_the_untrusted_is_suspect(
     run: Run, encoder: Encoder, scheduled: Recording, mode: Mode
 ) -> None:
-    assert run.floor_map is not None
     recording, from_s = jammed(scheduled)
     fixes = slam.locate(recording, run.floor_map, encoder, PARAMETERS, mode=mode)
     told = fixes.status == FixStatus.SUSPECT
@@ -312,16 +272,12 @@ def test_what_cannot_be_trusted_is_suspect(
         assert np.isnan(fixes.xy_m[told]).all()
 
 
-def test_without_a_schedule_nothing_is_judged(
-    run: Run, encoder: Encoder, recording: Recording
-) -> None:
-    assert run.floor_map is not None
+def test_no_schedule_is_no_judgement(run: Run, encoder: Encoder, recording: Recording) -> None:
     fixes = slam.locate(jammed(recording)[0], run.floor_map, encoder, PARAMETERS)
     assert FixStatus.SUSPECT not in fixes.status
 
 
 def test_another_encoder_cannot_read_the_map(recording: Recording, run: Run) -> None:
-    assert run.floor_map is not None
     with pytest.raises(InputError, match="got echoes encoded by spectral-1"):
         slam.locate(recording, run.floor_map, SpectralEncoder(), PARAMETERS)
 
@@ -331,9 +287,8 @@ def test_the_line_needs_no_torch_and_no_plotting() -> None:
         "import sys, elfslam.slam.pipeline; "
         "print([name for name in ('torch', 'plotly', 'fastapi') if name in sys.modules])"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
-    )
+    asked = [sys.executable, "-c", program]
+    done = subprocess.run(asked, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 
 
@@ -359,9 +314,7 @@ def test_a_walk_once_corrected_leads_to_fainter_closures() -> None:
     scores[60:], scores[:60, 60:] = 0.18 * scores[60:], 0.18 * scores[:60, 60:]
     fading, known = Similarity(scores, "planted"), ClosureParameters()
     unguided = dataclasses.replace(known, most_earned=0.0)
-    first, both = (
-        slam.closures_by(nodes, [(fading, each)], PARAMETERS) for each in (unguided, known)
-    )
+    first, both = (slam.closures_by(nodes, [(fading, by)], PARAMETERS) for by in (unguided, known))
     late = both.j > 66
     assert not (first.j > 66).any()
     assert late.any()
@@ -372,9 +325,8 @@ def test_closures_weigh_as_their_sense_shares_its_errors() -> None:
     nodes = Odometry(0.5 * np.arange(41), np.zeros((41, 3)), np.full((40, 3), 0.2))
     apart = dataclasses.replace(ClosureParameters(), shared_footsteps=0)
     shared = dataclasses.replace(apart, shared_footsteps=40)
-    one, all_one = (
-        slam.closures_by(nodes, [(ridges(40, 20), known)], PARAMETERS) for known in (apart, shared)
-    )
+    senses = ([(ridges(40, 20), known)] for known in (apart, shared))
+    one, all_one = (slam.closures_by(nodes, given, PARAMETERS) for given in senses)
     npt.assert_allclose(all_one.covariance, len(one.i) * one.covariance)
 
 
@@ -412,27 +364,25 @@ def tapped(footsteps: list[int], off_m: F64 | None = None) -> Checkpoints:
     return Checkpoints(t_s, names, np.vstack([xy_m, [np.nan, np.nan]]))
 
 
-def straightened(nodes: Odometry, told: Checkpoints | None) -> Trajectory:
-    return optimise_walk(nodes, NO_CLOSURES, NOBODY, told, PARAMETERS)[1]
+def straightened(nodes: Odometry, told: Checkpoints | None) -> values.Trajectory:
+    return optimise_walk(nodes, values.NO_CLOSURES, NOBODY, told, PARAMETERS)[1]
 
 
 def test_two_taps_give_the_walk_the_frame_of_the_plan() -> None:
     made = straightened(square(), tapped([3, 18]))
-    np.testing.assert_allclose(made.world_from_body[:, :2], TRUE[:, :2], atol=0.02)
-    np.testing.assert_allclose(np.cos(made.world_from_body[:, 2] - TRUE[:, 2]), 1, atol=1e-3)
+    npt.assert_allclose(made.world_from_body[:, :2], TRUE[:, :2], atol=0.02)
+    npt.assert_allclose(np.cos(made.world_from_body[:, 2] - TRUE[:, 2]), 1, atol=1e-3)
     assert made.closure_weights.shape == (0,)
     assert len(made.t_s) == LAP + 1
 
 
 def test_dead_reckoning_comes_along() -> None:
     bent = square(bent_rad=0.01)
-    reckoned, made = optimise_walk(bent, NO_CLOSURES, NOBODY, tapped([0, 18]), PARAMETERS)
+    reckoned, made = optimise_walk(bent, values.NO_CLOSURES, NOBODY, tapped([0, 18]), PARAMETERS)
     moves = between(reckoned.world_from_body[:-1], reckoned.world_from_body[1:])
     expected = between(bent.world_from_body[:-1], bent.world_from_body[1:])
-    np.testing.assert_allclose(moves, expected, atol=1e-9)
-    np.testing.assert_allclose(
-        reckoned.world_from_body[0, :2], made.world_from_body[0, :2], atol=1.0
-    )
+    npt.assert_allclose(moves, expected, atol=1e-9)
+    npt.assert_allclose(reckoned.world_from_body[0, :2], made.world_from_body[0, :2], atol=1.0)
 
 
 def test_its_uncertainty_is_that_of_the_taps() -> None:
@@ -466,7 +416,7 @@ def test_taps_straighten_a_bent_walk() -> None:
 def test_otherwise_the_walk_stays_in_the_frame_of_its_start(told: Checkpoints | None) -> None:
     nodes = square()
     made = straightened(nodes, told)
-    np.testing.assert_allclose(made.world_from_body, nodes.world_from_body, atol=1e-9)
+    npt.assert_allclose(made.world_from_body, nodes.world_from_body, atol=1e-9)
     assert not lies_on_plan(told, made, PARAMETERS.checkpoint)
 
 
@@ -476,12 +426,12 @@ def test_moving_the_plan_moves_the_walk_and_leaves_every_covariance(off_m: F64) 
     assert told.xy_m is not None
     here = straightened(bent, told)
     there = straightened(bent, replace(told, xy_m=told.xy_m + off_m))
-    np.testing.assert_allclose(
+    npt.assert_allclose(
         there.world_from_body - here.world_from_body,
         np.tile([*off_m, 0.0], (LAP + 1, 1)),
         atol=1e-6,
     )
-    np.testing.assert_allclose(there.covariance, here.covariance, rtol=1e-5, atol=1e-9)
+    npt.assert_allclose(there.covariance, here.covariance, rtol=1e-5, atol=1e-9)
     assert there.status == here.status == "OK"
 
 
@@ -490,36 +440,33 @@ def test_moving_the_start_moves_the_walk_and_leaves_every_covariance(off_m: F64)
     """Of a walk that closes its loop by what it heard."""
     bent = square(bent_rad=0.01)
     covariance = np.diag([0.01, 0.01, 0.01])[None]
-    home = Closures(
+    home = values.Closures(
         np.array([0]), np.array([LAP]), np.ones(1), between(TRUE[:1], TRUE[LAP:]), covariance
     )  # fmt: skip
     believed = np.ones(1, dtype=bool)
     far = replace(bent, world_from_body=shifted(bent.world_from_body, off_m))
-    here, there = (
-        optimise_walk(nodes, home, believed, None, PARAMETERS)[1] for nodes in (bent, far)
-    )
+    here, there = (optimise_walk(at, home, believed, None, PARAMETERS)[1] for at in (bent, far))
     assert here.closure_weights.tolist() == [1.0]
-    np.testing.assert_allclose(
+    npt.assert_allclose(
         there.world_from_body - here.world_from_body,
         np.tile([*off_m, 0.0], (LAP + 1, 1)),
         atol=1e-6,
     )
-    np.testing.assert_allclose(there.covariance, here.covariance, rtol=1e-5, atol=1e-9)
+    npt.assert_allclose(there.covariance, here.covariance, rtol=1e-5, atol=1e-9)
 
 
 def test_a_wrong_tap_among_right_ones_is_not_believed() -> None:
     off_m = np.zeros((4, 2))
     off_m[2] = [8.0, -5.0]
     made = straightened(square(), tapped([3, 13, 23, 33], off_m))
-    np.testing.assert_allclose(made.world_from_body[:, :2], TRUE[:, :2], atol=0.1)
+    npt.assert_allclose(made.world_from_body[:, :2], TRUE[:, :2], atol=0.1)
 
 
 def test_the_first_guess_is_the_best_rigid_fit() -> None:
     plan = on_plan(tapped([3, 13, 23]), square(), CheckpointParameters())
-    assert plan is not None
-    np.testing.assert_allclose(plan.nodes.world_from_body[1:], TRUE, atol=1e-9)
+    npt.assert_allclose(plan.nodes.world_from_body[1:], TRUE, atol=1e-9)
     led_from, tapped_m = plan.nodes.world_from_body[0], TRUE[[3, 13, 23], :2]
-    np.testing.assert_array_equal(led_from, [*np.median(tapped_m, axis=0), 0.0])
-    np.testing.assert_allclose(compose(led_from, plan.closures.i_from_j)[:, :2], tapped_m)
+    npt.assert_array_equal(led_from, [*np.median(tapped_m, axis=0), 0.0])
+    npt.assert_allclose(compose(led_from, plan.closures.i_from_j)[:, :2], tapped_m)
     assert plan.closures.i.tolist() == [0, 0, 0]
     assert plan.closures.j.tolist() == [4, 14, 24]

@@ -1,7 +1,5 @@
 """A walk whose heading, north and fields are planted."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

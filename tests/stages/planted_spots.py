@@ -1,7 +1,5 @@
 """A map whose spots lie on a walk, and how alike its places sound to who walks there again."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from elfslam.base.arrays import F32, F64

@@ -1,7 +1,5 @@
 """Planted pressure curves: how high somebody is, what weather and wind add, and when they step."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -47,7 +45,6 @@ STOREY_M = 3.5
 
 def with_stairs(recording: Recording, begin_s: float, lasting_s: float) -> Recording:
     """The recording with a barometer that says that its walker went up a storey."""
-    assert recording.imu is not None
     t_s = np.arange(0, recording.imu.t_s[-1], 0.1)
     height_m = STOREY_M * np.clip((t_s - begin_s) / lasting_s, 0, 1)
     noise = np.random.default_rng(100).normal(scale=0.006, size=len(t_s))

@@ -1,7 +1,5 @@
 """The scale of a walk from its sound: planted walls, laws, and honest refusals."""
 
-from __future__ import annotations
-
 from dataclasses import astuple, replace
 
 import numpy as np
@@ -11,23 +9,14 @@ from elfslam.base.arrays import F64
 from elfslam.base.values import DISCARDED_SAMPLES, ECHO_RATE_HZ, ECHO_SAMPLES, Echoes, Odometry
 from elfslam.slam.front_end import dead_reckoning_nodes, extract_echoes
 from elfslam.slam.parameters import Parameters
-from elfslam.stages.acoustic_odometry import (
-    UNKNOWN,
-    AcousticOdometryParameters,
-    ScaleEstimate,
-    focus,
-    loudness,
-    measure_scale,
-    rescaled,
-    scale_evidence,
-    with_prior,
-)
+from elfslam.stages import acoustic_odometry
+from elfslam.stages.acoustic_odometry import UNKNOWN, ScaleEstimate, measure_scale, with_prior
 from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.stages.motion import MotionParameters, dead_reckon
 from elfslam.world.simulate import load_world, simulate
 
 CHIRP = make_chirp(ChirpParameters(), ECHO_RATE_HZ)
-PARAMETERS = AcousticOdometryParameters(
+PARAMETERS = acoustic_odometry.AcousticOdometryParameters(
     directions=24, smallest_scale=0.8, largest_scale=1.28, ahead_s=0.0
 )
 """The planted walls below know no Doppler."""
@@ -59,9 +48,8 @@ def frames_at(xy_m: F64, noise: float = 0.05) -> Echoes:
 def claimed(scale: float, *, turned_rad: float = 0.0) -> Odometry:
     """Footsteps that claim the true moves over `scale`."""
     t_s = np.arange(0.0, 0.1 * FRAMES + 0.5, 0.5)
-    turn = np.array(
-        [[np.cos(turned_rad), np.sin(turned_rad)], [-np.sin(turned_rad), np.cos(turned_rad)]]
-    )
+    cos, sin = np.cos(turned_rad), np.sin(turned_rad)
+    turn = np.array([[cos, sin], [-sin, cos]])
     poses = np.column_stack([walked(t_s) @ turn / scale, np.zeros(len(t_s))])
     return Odometry(t_s, poses, np.full((len(t_s) - 1, 3), 0.1))
 
@@ -92,9 +80,7 @@ def test_faster_sound_makes_longer_steps(echoes: Echoes) -> None:
 
 def test_a_chirp_at_48_khz_is_taken_to_the_echoes_rate(echoes: Echoes) -> None:
     other = make_chirp(ChirpParameters(), 48_000)
-    scales = [
-        measure_scale(echoes, claimed(1.0), each, PARAMETERS).scale for each in (CHIRP, other)
-    ]
+    scales = [measure_scale(echoes, claimed(1.0), at, PARAMETERS).scale for at in (CHIRP, other)]
     assert scales[0] == pytest.approx(scales[1], rel=2e-3)
 
 
@@ -102,7 +88,9 @@ def test_the_doppler_of_a_sweep_is_its_range_a_little_later() -> None:
     late = np.arange(FRAMES) / 10.0 + 0.4
     ahead = frames_at(walked(late))
     sharp = [
-        scale_evidence(ahead, claimed(1.0), CHIRP, replace(PARAMETERS, ahead_s=s)).sharpness.mean(0)
+        acoustic_odometry.scale_evidence(
+            ahead, claimed(1.0), CHIRP, replace(PARAMETERS, ahead_s=s)
+        ).sharpness.mean(0)
         for s in (0.0, 0.2)
     ]
     assert sharp[1].max() > sharp[0].max(), "nearer to the moment that is heard"
@@ -122,7 +110,7 @@ def test_sound_that_tells_nothing_is_refused(kind: str) -> None:
 
 def test_the_error_is_half_as_much_again_as_windows_drawn_anew_scatter(echoes: Echoes) -> None:
     known = replace(PARAMETERS, model_sigma=0.0)
-    scales, sharpness = scale_evidence(echoes, claimed(1.1), CHIRP, known)
+    scales, sharpness = acoustic_odometry.scale_evidence(echoes, claimed(1.1), CHIRP, known)
     generator, count = np.random.default_rng(3), len(sharpness)
     drawn = [sharpness[generator.integers(count, size=count)].mean(axis=0) for _ in range(400)]
     at = [np.polyfit(scales[k - 1 : k + 2], row[k - 1 : k + 2], 2) for row in drawn
@@ -135,7 +123,7 @@ def test_the_error_is_half_as_much_again_as_windows_drawn_anew_scatter(echoes: E
 
 
 def test_standing_still_and_short_walks_are_refused(echoes: Echoes) -> None:
-    still = rescaled(claimed(1.0), ScaleEstimate(0.05, 0.01))
+    still = acoustic_odometry.rescaled(claimed(1.0), ScaleEstimate(0.05, 0.01))
     assert measure_scale(echoes, still, CHIRP, PARAMETERS) == UNKNOWN
     few = replace(PARAMETERS, least_windows=6)
     assert measure_scale(echoes, claimed(1.0), CHIRP, few) == UNKNOWN
@@ -163,7 +151,7 @@ def test_a_picture_that_is_hardly_sharper_is_refused(echoes: Echoes) -> None:
 
 
 def test_loudness_has_no_mean_and_equal_spread_along_the_delays(echoes: Echoes) -> None:
-    loud = loudness(echoes.samples[:60], CHIRP)
+    loud = acoustic_odometry.loudness(echoes.samples[:60], CHIRP)
     assert loud.shape[0] == 60
     assert np.abs(loud).max() <= 4.0
     assert np.abs(loud.mean(axis=0)).max() < 0.5
@@ -175,8 +163,8 @@ def test_focus_is_the_fourth_power_of_what_piles_up() -> None:
     for n, bin_ in enumerate((10, 13, 16)):
         loud[n, bin_] = 2.0
     earlier = np.array([[0.0, -3.0, -6.0], [0.0, 0.0, 0.0]])
-    assert focus(loud, earlier) == pytest.approx([6.0**4, 3 * 2.0**4])
-    assert focus(-loud, earlier) == pytest.approx([0.0, 0.0]), "dips are no walls"
+    assert acoustic_odometry.focus(loud, earlier) == pytest.approx([6.0**4, 3 * 2.0**4])
+    assert acoustic_odometry.focus(-loud, earlier) == pytest.approx([0.0, 0.0]), "dips are no walls"
 
 
 def test_a_prior_holds_what_is_unknown_and_bows_to_what_is_certain() -> None:
@@ -192,7 +180,8 @@ def test_a_rescaled_walk_is_that_of_longer_steps() -> None:
     plain, start = MotionParameters(), (3.0, -2.0, 0.5)
     longer = replace(plain, step_scale=1.07)
     wanted = dead_reckon(recording.imu, longer, start)
-    made = rescaled(dead_reckon(recording.imu, plain, start), ScaleEstimate(1.07, 0.01))
+    walked = dead_reckon(recording.imu, plain, start)
+    made = acoustic_odometry.rescaled(walked, ScaleEstimate(1.07, 0.01))
     made_m, wanted_m = (each.world_from_body - each.world_from_body[0] for each in (made, wanted))
     assert made_m == pytest.approx(wanted_m, abs=1e-9)
     assert made.step_sigma == pytest.approx(wanted.step_sigma, abs=1e-9)
@@ -200,11 +189,9 @@ def test_a_rescaled_walk_is_that_of_longer_steps() -> None:
 
 def test_a_simulated_walk_is_measured_to_two_percent() -> None:
     recording, truth = simulate(load_world("studio"), 105, rounds=3)
-    nodes, heard = (
-        dead_reckoning_nodes(recording, Parameters()),
-        extract_echoes(recording, Parameters()),
-    )
-    found = measure_scale(heard, nodes, CHIRP, AcousticOdometryParameters())
+    nodes = dead_reckoning_nodes(recording, Parameters())
+    heard = extract_echoes(recording, Parameters())
+    found = measure_scale(heard, nodes, CHIRP, acoustic_odometry.AcousticOdometryParameters())
     inside = (truth.t_s >= nodes.t_s[0]) & (truth.t_s <= nodes.t_s[-1])
     lengths = [
         np.linalg.norm(np.diff(xy_m, axis=0), axis=1).sum()

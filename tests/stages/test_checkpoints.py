@@ -1,7 +1,5 @@
 """Places that were named by hand: which footsteps they tie, and what that does to a map."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -9,16 +7,10 @@ import pytest
 
 from elfslam.base.geometry import compose
 from elfslam.base.values import Checkpoints, Odometry, PointKind, PointOfInterest, Trajectory
-from elfslam.stages.checkpoints import (
-    CheckpointParameters,
-    carried,
-    closures_at,
-    gathered,
-    places_visited,
-)
+from elfslam.stages import checkpoints
 from elfslam.stages.graph import GraphParameters, build_graph, optimise
 
-PARAMETERS = CheckpointParameters()
+PARAMETERS = checkpoints.CheckpointParameters()
 LAP, STEP_M = 40, 0.7
 SIGMA = np.array([0.1, 0.05, 0.03])
 
@@ -35,7 +27,7 @@ def square(laps: int, bent_rad: float = 0.0) -> Odometry:
 
 def test_the_first_visit_is_tied_to_every_later_one() -> None:
     told = Checkpoints(np.array([5.0, 9.9, 25.1, 45.0]), ("Door", "Stairs", "Door", "Door"))
-    found = closures_at(told, square(3), PARAMETERS)
+    found = checkpoints.closures_at(told, square(3), PARAMETERS)
     assert list(zip(found.i, found.j, strict=True)) == [(10, 50), (10, 90)]
     np.testing.assert_array_equal(found.i_from_j, 0)
     sigma = np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2))
@@ -49,7 +41,7 @@ def test_what_ties_nothing_gives_nothing() -> None:
     twice = Checkpoints(np.array([5.0, 5.1]), ("Door", "Door"))
     single = Checkpoints(np.array([5.0]), ("Door",))
     for told in (None, outside, twice, single):
-        assert len(closures_at(told, nodes, PARAMETERS).i) == 0
+        assert len(checkpoints.closures_at(told, nodes, PARAMETERS).i) == 0
 
 
 def test_a_named_place_lies_in_the_middle_of_its_visits() -> None:
@@ -60,17 +52,17 @@ def test_a_named_place_lies_in_the_middle_of_its_visits() -> None:
         walk.t_s, poses, np.tile(np.eye(3), (len(poses), 1, 1)), np.zeros(0), "OK"
     )  # fmt: skip
     told = Checkpoints(np.array([0.0, 5.0, 25.0, 500.0]), ("Start", "Door", "Door", "Late"))
-    start, door = places_visited(told, mapped, PARAMETERS)
+    start, door = checkpoints.places_visited(told, mapped, PARAMETERS)
     assert start == PointOfInterest("Start", PointKind.OTHER, 0.0, 0.0)
     x_m, y_m = poses[[10, 50], :2].mean(axis=0)
     assert (door.name, door.x_m, door.y_m) == ("Door", pytest.approx(x_m), pytest.approx(y_m))
-    assert places_visited(None, mapped, PARAMETERS) == ()
+    assert checkpoints.places_visited(None, mapped, PARAMETERS) == ()
 
 
 def test_a_tap_straightens_a_bent_walk() -> None:
     true, bent = square(2), square(2, bent_rad=0.01)
     told = Checkpoints(np.array([5.0, 25.0]), ("Door", "Door"))
-    found = closures_at(told, bent, PARAMETERS)
+    found = checkpoints.closures_at(told, bent, PARAMETERS)
     by_hand = np.ones(1, dtype=bool)
     graph = build_graph(bent, found)
     solved = optimise(graph, bent.t_s, GraphParameters(), by_hand=by_hand)
@@ -85,7 +77,7 @@ def test_a_tap_straightens_a_bent_walk() -> None:
 def test_a_tap_is_believed_where_chance_would_not_be() -> None:
     bent = square(2, bent_rad=0.01)
     told = Checkpoints(np.array([5.0, 25.0]), ("Door", "Door"))
-    graph = build_graph(bent, closures_at(told, bent, PARAMETERS))
+    graph = build_graph(bent, checkpoints.closures_at(told, bent, PARAMETERS))
     by_chance = optimise(graph, bent.t_s, GraphParameters())
     assert by_chance.closure_weights.tolist() == [0.0]
 
@@ -94,7 +86,7 @@ def test_a_tap_is_believed_where_chance_would_not_be() -> None:
 def test_a_tap_at_another_place_is_not_believed(wrong_s: float) -> None:
     nodes = square(2)
     told = Checkpoints(np.array([5.0, wrong_s]), ("Door", "Door"))
-    graph = build_graph(nodes, closures_at(told, nodes, PARAMETERS))
+    graph = build_graph(nodes, checkpoints.closures_at(told, nodes, PARAMETERS))
     solved = optimise(graph, nodes.t_s, GraphParameters(), by_hand=np.ones(1, dtype=bool))
     assert solved.closure_weights.tolist() == [0.0]
     np.testing.assert_allclose(solved.world_from_body, nodes.world_from_body, atol=1e-6)
@@ -102,19 +94,15 @@ def test_a_tap_at_another_place_is_not_believed(wrong_s: float) -> None:
 
 DOOR = PointOfInterest("Door", PointKind.DOOR, 2.0, 1.0)
 COUNT = 5
-STRAIGHT = Trajectory(
-    np.arange(COUNT) / 2,
-    np.column_stack([np.arange(COUNT), np.zeros(COUNT), np.zeros(COUNT)]).astype(float),
-    np.tile(np.eye(3), (COUNT, 1, 1)),
-    np.zeros(0),
-    "OK",
-)
+POSES = np.arange(COUNT)[:, None] * [1.0, 0.0, 0.0]
+COVARIANCE = np.tile(np.eye(3), (COUNT, 1, 1))
+STRAIGHT = Trajectory(np.arange(COUNT) / 2, POSES, COVARIANCE, np.zeros(0), "OK")
 
 
 def test_a_walk_that_is_turned_and_moved_takes_its_points_along() -> None:
     move = np.array([10.0, -3.0, np.pi / 2])
     moved = replace(STRAIGHT, world_from_body=compose(move, STRAIGHT.world_from_body))
-    (found,) = carried([DOOR], STRAIGHT, moved)
+    (found,) = checkpoints.carried([DOOR], STRAIGHT, moved)
     assert (found.name, found.kind) == (DOOR.name, DOOR.kind)
     assert (found.x_m, found.y_m) == pytest.approx((9.0, -1.0))
 
@@ -122,16 +110,16 @@ def test_a_walk_that_is_turned_and_moved_takes_its_points_along() -> None:
 def test_where_a_walk_is_bent_a_point_stays_beside_its_footstep() -> None:
     poses = STRAIGHT.world_from_body.copy()
     poses[3:, 1] += 5.0
-    (found,) = carried([DOOR], STRAIGHT, replace(STRAIGHT, world_from_body=poses))
+    (found,) = checkpoints.carried([DOOR], STRAIGHT, replace(STRAIGHT, world_from_body=poses))
     assert (found.x_m, found.y_m) == pytest.approx((2.0, 1.0)), "only later footsteps moved"
 
 
 def test_one_place_named_by_several_walks_lies_in_their_middle() -> None:
     other = replace(DOOR, name="door", x_m=4.0)
-    assert gathered([DOOR, other]) == [replace(DOOR, x_m=3.0)]
+    assert checkpoints.gathered([DOOR, other]) == [replace(DOOR, x_m=3.0)]
 
 
 def test_what_is_far_away_or_of_another_kind_stays_apart() -> None:
     apart = [DOOR, replace(DOOR, x_m=20.0), replace(DOOR, kind=PointKind.ROOM)]
-    assert gathered(apart) == apart
-    assert gathered([]) == []
+    assert checkpoints.gathered(apart) == apart
+    assert checkpoints.gathered([]) == []

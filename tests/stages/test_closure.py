@@ -1,7 +1,5 @@
 """Closures by sequence: planted ridges are found, and what contradicts dead reckoning is not."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,31 +9,13 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
+from elfslam.base import values
 from elfslam.base.arrays import F32, F64
 from elfslam.base.geometry import between, chain, compose, wrap_angle
-from elfslam.base.values import (
-    NO_CLOSURES,
-    Closures,
-    Features,
-    MeanSimilarity,
-    Odometry,
-    Similarity,
-)
+from elfslam.base.values import NO_CLOSURES, Closures, Features, Odometry, Similarity
 from elfslam.stages import closure
-from elfslam.stages.closure import (
-    AGAIN,
-    BACK,
-    ClosureParameters,
-    Drift,
-    echo_sequence_similarity,
-    find_closures,
-    footstep_means,
-    guided_closures,
-    sequence_mean,
-    sharing_errors,
-)
 
-PARAMETERS = ClosureParameters()
+PARAMETERS = closure.ClosureParameters()
 HALF = PARAMETERS.half_sequence
 BOTH_WAYS = dataclasses.replace(PARAMETERS, back_margin=0.0)
 STEP_M = 0.7
@@ -89,7 +69,7 @@ def pairs(found: Closures) -> set[tuple[int, int]]:
 
 def test_a_second_round_closes_each_footstep_with_its_own() -> None:
     nodes = square_walk(2)
-    found = find_closures(alike(2 * LAP, [(0, LAP - 1, LAP, 1.0)]), nodes, PARAMETERS)
+    found = closure.find_closures(alike(2 * LAP, [(0, LAP - 1, LAP, 1.0)]), nodes, PARAMETERS)
     inner = {(k, k + LAP) for k in range(HALF, LAP - HALF)}
     assert inner <= pairs(found) <= {(k, k + LAP) for k in range(LAP)}
     npt.assert_allclose(found.i_from_j, 0, atol=0.15 * STEP_M)
@@ -99,7 +79,7 @@ def test_a_second_round_closes_each_footstep_with_its_own() -> None:
 def test_walking_back_gives_half_a_turn_and_the_right_place() -> None:
     nodes = there_and_back(30)
     # Stretch k leads from k to k+1, so on the way back stretch 60 - k lies on it.
-    found = find_closures(alike(61, [(0, 25, 60, -1.0)]), nodes, BOTH_WAYS)
+    found = closure.find_closures(alike(61, [(0, 25, 60, -1.0)]), nodes, BOTH_WAYS)
     assert pairs(found) >= {(k, 60 - k) for k in range(HALF, 22)}
     truth = between(nodes.world_from_body[found.i], nodes.world_from_body[found.j])
     npt.assert_allclose(found.i_from_j[:, :2], truth[:, :2], atol=0.2 * STEP_M)
@@ -108,21 +88,21 @@ def test_walking_back_gives_half_a_turn_and_the_right_place() -> None:
 
 def test_a_stretch_walked_back_must_be_more_alike() -> None:
     back = alike(61, [(0, 25, 60, -1.0)])
-    found = find_closures(back, there_and_back(30), BOTH_WAYS)
+    found = closure.find_closures(back, there_and_back(30), BOTH_WAYS)
     lowest, highest = found.score.min(), found.score.max()
     loose, strict = (
         dataclasses.replace(PARAMETERS, back_margin=level - PARAMETERS.threshold)
         for level in (lowest - 0.01, highest + 0.01)
     )
-    assert pairs(find_closures(back, there_and_back(30), loose)) == pairs(found)
-    assert len(find_closures(back, there_and_back(30), strict).i) == 0
+    assert pairs(closure.find_closures(back, there_and_back(30), loose)) == pairs(found)
+    assert len(closure.find_closures(back, there_and_back(30), strict).i) == 0
     again = alike(2 * LAP, [(0, LAP - 1, LAP, 1.0)])
-    assert len(find_closures(again, square_walk(2), strict).i) > LAP / 2
+    assert len(closure.find_closures(again, square_walk(2), strict).i) > LAP / 2
 
 
 @pytest.mark.parametrize("ahead", [-0.4, 0.3])
 def test_a_partner_between_two_footsteps_lies_ahead_or_behind(ahead: float) -> None:
-    found = find_closures(alike_between(2 * LAP, LAP + ahead), square_walk(2), PARAMETERS)
+    found = closure.find_closures(alike_between(2 * LAP, LAP + ahead), square_walk(2), PARAMETERS)
     npt.assert_allclose(np.median(found.i_from_j[:, 0]), -ahead * STEP_M, atol=0.1 * STEP_M)
 
 
@@ -139,15 +119,15 @@ def test_scattered_similarity_closes_nothing() -> None:
     generator = np.random.default_rng(3)
     i, j = generator.integers(0, 2 * LAP, (2, 2 * LAP))
     scores[i, j] = scores[j, i] = 0.75
-    assert len(find_closures(Similarity(scores, "x"), square_walk(2), PARAMETERS).i) == 0
+    assert len(closure.find_closures(Similarity(scores, "x"), square_walk(2), PARAMETERS).i) == 0
 
 
 def test_dead_reckoning_rules_out_what_it_cannot_have_missed() -> None:
     """The far side of the square sounds the same for a whole side."""
     lines = [(2, SIDE - 2, 2 + 2 * SIDE, 1.0)]
-    assert len(find_closures(alike(2 * LAP, lines), square_walk(2), PARAMETERS).i) == 0
+    assert len(closure.find_closures(alike(2 * LAP, lines), square_walk(2), PARAMETERS).i) == 0
     blind = dataclasses.replace(PARAMETERS, gate_probability=1.0)
-    assert len(find_closures(alike(2 * LAP, lines), square_walk(2), blind).i) > 5
+    assert len(closure.find_closures(alike(2 * LAP, lines), square_walk(2), blind).i) > 5
 
 
 def test_one_cannot_be_at_two_places_at_once() -> None:
@@ -155,17 +135,18 @@ def test_one_cannot_be_at_two_places_at_once() -> None:
     nodes = uncertain(square_walk(2))
     right, wrong = (0, LAP - 1, LAP, 1.0), (0, LAP - 5, LAP + 4, 1.0)
     both = np.maximum(alike(2 * LAP, [right], 0.8).scores, alike(2 * LAP, [wrong], 0.7).scores)
-    found = find_closures(Similarity(both, "x"), nodes, PARAMETERS)
+    found = closure.find_closures(Similarity(both, "x"), nodes, PARAMETERS)
     assert {j - i for i, j in pairs(found)} == {LAP}
     loose = dataclasses.replace(PARAMETERS, rival_margin=0.0)
-    assert {j - i for i, j in pairs(find_closures(Similarity(both, "x"), nodes, loose))} == {LAP}
+    again = closure.find_closures(Similarity(both, "x"), nodes, loose)
+    assert {j - i for i, j in pairs(again)} == {LAP}
 
 
 def test_where_two_places_sound_the_same_neither_is_taken() -> None:
     nodes = uncertain(square_walk(2))
     twins = [(0, LAP - 1, LAP, 1.0), (0, LAP - 7, LAP + 6, 1.0)]
-    found = find_closures(alike(2 * LAP, twins), nodes, PARAMETERS)
-    alone = find_closures(alike(2 * LAP, twins[:1]), nodes, PARAMETERS)
+    found = closure.find_closures(alike(2 * LAP, twins), nodes, PARAMETERS)
+    alone = closure.find_closures(alike(2 * LAP, twins[:1]), nodes, PARAMETERS)
     assert len(found.i) < 0.35 * len(alone.i)
     assert all(i > LAP - 12 or i < 8 for i, _ in pairs(found)), "only where one of them ends"
 
@@ -185,12 +166,12 @@ def test_two_equal_corridors_are_not_one() -> None:
     nodes = odometry(np.array(moves))
     second = 29 + 1 + 15 + 1 + 29 + 1 + 15 + 1
     twin = [(0, 28, second, 1.0)]
-    assert len(find_closures(alike(len(moves), twin), nodes, PARAMETERS).i) == 0
+    assert len(closure.find_closures(alike(len(moves), twin), nodes, PARAMETERS).i) == 0
 
 
 def test_a_third_round_closes_with_both_before() -> None:
     lines = [(0, 2 * LAP - 1, LAP, 1.0), (0, LAP - 1, 2 * LAP, 1.0)]
-    found = find_closures(alike(3 * LAP, lines), square_walk(3), PARAMETERS)
+    found = closure.find_closures(alike(3 * LAP, lines), square_walk(3), PARAMETERS)
     offsets = np.bincount(found.j - found.i)
     assert offsets[LAP] > 1.7 * LAP
     assert offsets[2 * LAP] > 0.7 * LAP
@@ -200,20 +181,18 @@ def test_a_third_round_closes_with_both_before() -> None:
 def test_neighbours_in_time_are_no_closures() -> None:
     scores = alike(2 * LAP, [(0, LAP, 5, 1.0)])
     far = dataclasses.replace(PARAMETERS, gate_probability=1.0)
-    assert len(find_closures(scores, square_walk(2), far).i) == 0
+    assert len(closure.find_closures(scores, square_walk(2), far).i) == 0
     near = dataclasses.replace(far, near_footsteps=4)
-    assert len(find_closures(scores, square_walk(2), near).i) > LAP / 2
+    assert len(closure.find_closures(scores, square_walk(2), near).i) > LAP / 2
 
 
 def test_the_covariance_is_that_of_the_parameters() -> None:
-    known = dataclasses.replace(
-        PARAMETERS, along_sigma_m=0.1, across_sigma_m=0.2, heading_sigma_rad=0.3, sigma_fall=0.0
-    )
-    found = find_closures(alike(2 * LAP, [(0, LAP - 1, LAP, 1.0)]), square_walk(2), known)
+    sigmas = {"along_sigma_m": 0.1, "across_sigma_m": 0.2, "heading_sigma_rad": 0.3}
+    known = dataclasses.replace(PARAMETERS, sigma_fall=0.0, **sigmas)
+    found = closure.find_closures(alike(2 * LAP, [(0, LAP - 1, LAP, 1.0)]), square_walk(2), known)
     assert len(found.i) > 0
-    npt.assert_allclose(
-        found.covariance, np.tile(np.diag([0.01, 0.04, 0.09]), (len(found.i), 1, 1))
-    )
+    stated = np.tile(np.diag([0.01, 0.04, 0.09]), (len(found.i), 1, 1))
+    npt.assert_allclose(found.covariance, stated)
 
 
 def test_the_more_alike_the_nearer() -> None:
@@ -222,7 +201,7 @@ def test_the_more_alike_the_nearer() -> None:
     sigmas = []
     for height in (usual, usual + 0.05, 0.9):
         planted = alike(2 * LAP, [(0, LAP - 1, LAP, 1.0)], height=height)
-        found = find_closures(planted, square_walk(2), PARAMETERS)
+        found = closure.find_closures(planted, square_walk(2), PARAMETERS)
         middle = np.argmin(np.abs(found.score - height) + (found.i < HALF))
         sigmas.append(np.sqrt(found.covariance[middle, 1, 1]) / PARAMETERS.across_sigma_m)
     npt.assert_allclose(sigmas[:2], np.exp([0.0, -0.05 * PARAMETERS.sigma_fall]), rtol=0.05)
@@ -234,9 +213,9 @@ def test_blocks_of_rows_give_what_the_whole_gives(monkeypatch: pytest.MonkeyPatc
     places = generator.standard_normal((LAP, 16))
     means = np.tile(places / np.linalg.norm(places, axis=1, keepdims=True), (4, 1))
     means = (means + 0.1 * generator.standard_normal(means.shape)).astype(np.float32)
-    whole = find_closures(Similarity(means @ means.T, "x"), nodes, PARAMETERS)
+    whole = closure.find_closures(Similarity(means @ means.T, "x"), nodes, PARAMETERS)
     monkeypatch.setattr(closure, "_block_rows", lambda count: 17)
-    parts = find_closures(MeanSimilarity(means, "x"), nodes, PARAMETERS)
+    parts = closure.find_closures(values.MeanSimilarity(means, "x"), nodes, PARAMETERS)
     assert pairs(parts) == pairs(whole)
     assert len(whole.i) > 4 * LAP
     order, other = np.lexsort((whole.j, whole.i)), np.lexsort((parts.j, parts.i))
@@ -244,10 +223,10 @@ def test_blocks_of_rows_give_what_the_whole_gives(monkeypatch: pytest.MonkeyPatc
     npt.assert_allclose(parts.i_from_j[other], whole.i_from_j[order], atol=1e-3)
 
 
-@pytest.mark.parametrize("direction", [AGAIN, BACK])
+@pytest.mark.parametrize("direction", [closure.AGAIN, closure.BACK])
 def test_the_sequence_mean_is_the_naive_one(direction: int) -> None:
     scores: F32 = np.random.default_rng(0).random((7, 9)).astype(np.float32)
-    got = sequence_mean(scores, 2, direction)
+    got = closure.sequence_mean(scores, 2, direction)
     for i in range(7):
         for j in range(9):
             along = [(i + k, j + k * direction) for k in range(-2, 3)]
@@ -262,8 +241,8 @@ def prior(log_odds: float, gain: float) -> closure.Prior:
 def test_what_a_solution_expects_may_be_less_alike() -> None:
     nodes = square_walk(2)
     faint = alike(2 * LAP, [(0, LAP - 1, LAP, 1.0)], height=PARAMETERS.threshold - 0.04)
-    assert len(find_closures(faint, nodes, PARAMETERS).i) == 0
-    found = guided_closures(faint, nodes, NO_CLOSURES, prior(5.0, 3.0), PARAMETERS)
+    assert len(closure.find_closures(faint, nodes, PARAMETERS).i) == 0
+    found = closure.guided_closures(faint, nodes, NO_CLOSURES, prior(5.0, 3.0), PARAMETERS)
     assert len(found.i) > LAP / 2
     assert (np.abs(found.j - found.i - LAP) <= 1).all()
     assert (found.covariance[:, 0, 0] > PARAMETERS.along_sigma_m**2).all()
@@ -273,46 +252,45 @@ def test_what_a_solution_expects_may_be_less_alike() -> None:
 def test_what_earns_or_tells_too_little_is_no_closure(log_odds: float, gain: float) -> None:
     nodes = square_walk(2)
     faint = alike(2 * LAP, [(0, LAP - 1, LAP, 1.0)], height=PARAMETERS.threshold - 0.04)
-    found = guided_closures(faint, nodes, NO_CLOSURES, prior(log_odds, gain), PARAMETERS)
+    found = closure.guided_closures(faint, nodes, NO_CLOSURES, prior(log_odds, gain), PARAMETERS)
     assert len(found.i) == 0
 
 
 def test_guided_matching_finds_nothing_twice() -> None:
     nodes = square_walk(2)
     clear = alike(2 * LAP, [(0, LAP - 1, LAP, 1.0)])
-    known = find_closures(clear, nodes, PARAMETERS)
-    further = guided_closures(clear, nodes, known, prior(5.0, 3.0), PARAMETERS)
+    known = closure.find_closures(clear, nodes, PARAMETERS)
+    further = closure.guided_closures(clear, nodes, known, prior(5.0, 3.0), PARAMETERS)
     assert len(known.i) > LAP / 2
     assert not pairs(known) & pairs(further)
 
 
 def test_no_similarity_or_a_single_footstep_closes_nothing() -> None:
     nodes = Odometry([0.0, 0.5], np.zeros((2, 3)), np.ones((1, 3)))
-    found = find_closures(Similarity(np.ones((1, 1)), "stub"), nodes, PARAMETERS)
+    found = closure.find_closures(Similarity(np.ones((1, 1)), "stub"), nodes, PARAMETERS)
     assert (len(found.i), found.covariance.shape) == (0, (0, 3, 3))
-    blank = MeanSimilarity(np.zeros((2 * LAP, 1)), "blank")
-    assert len(find_closures(blank, square_walk(2), PARAMETERS).i) == 0
+    blank = values.MeanSimilarity(np.zeros((2 * LAP, 1)), "blank")
+    assert len(closure.find_closures(blank, square_walk(2), PARAMETERS).i) == 0
 
 
 def test_closures_that_lie_together_weigh_as_one() -> None:
     i, j = np.array([10, 12, 14, 40]), np.array([60, 61, 62, 90])
-    alone = Closures(
-        i, j, np.ones(4), np.zeros((4, 3)), np.tile(np.diag([1.0, 2.0, 3.0]), (4, 1, 1))
-    )
-    together = sharing_errors(alone, 4)
+    covariance = np.tile(np.diag([1.0, 2.0, 3.0]), (4, 1, 1))
+    alone = Closures(i, j, np.ones(4), np.zeros((4, 3)), covariance)
+    together = closure.sharing_errors(alone, 4)
     npt.assert_allclose(together.covariance[:3], 3 * alone.covariance[:3])
     npt.assert_array_equal(together.covariance[3], alone.covariance[3])
-    npt.assert_allclose(
-        np.linalg.inv(together.covariance[:3]).sum(axis=0), np.diag([1, 1 / 2, 1 / 3])
-    )
-    npt.assert_array_equal(sharing_errors(alone, 1).covariance, alone.covariance)
+    information = np.linalg.inv(together.covariance[:3]).sum(axis=0)
+    npt.assert_allclose(information, np.diag([1, 1 / 2, 1 / 3]))
+    npt.assert_array_equal(closure.sharing_errors(alone, 1).covariance, alone.covariance)
     far = dataclasses.replace(alone, j=np.array([60, 80, 100, 120]))
-    npt.assert_array_equal(sharing_errors(far, 4).covariance, alone.covariance)
-    assert len(sharing_errors(NO_CLOSURES, 4).i) == 0
+    npt.assert_array_equal(closure.sharing_errors(far, 4).covariance, alone.covariance)
+    assert len(closure.sharing_errors(NO_CLOSURES, 4).i) == 0
 
 
 def test_no_loop_closes_while_setting_off_or_stopping() -> None:
-    found = find_closures(alike(2 * LAP, [(0, LAP - 1, LAP, 1.0)]), square_walk(2), PARAMETERS)
+    again = alike(2 * LAP, [(0, LAP - 1, LAP, 1.0)])
+    found = closure.find_closures(again, square_walk(2), PARAMETERS)
     assert found.i.min() == HALF
     assert found.j.max() == 2 * LAP - 1 - HALF
 
@@ -353,31 +331,30 @@ def test_the_covariance_is_that_of_many_walkers(
     i: int, j: int, scale_sigma: float, turn_sigma_radps: float
 ) -> None:
     wanted = np.cov(scattered_ends(scale_sigma, turn_sigma_radps, i, j).T)
-    nodes = replace(
-        walk(curved_moves()), scale_sigma=scale_sigma, heading_drift_sigma_radps=turn_sigma_radps
-    )
-    got = Drift(nodes).covariances(np.array([i]), np.array([j]))[0]
+    wrong = {"scale_sigma": scale_sigma, "heading_drift_sigma_radps": turn_sigma_radps}
+    nodes = replace(walk(curved_moves()), **wrong)
+    got = closure.Drift(nodes).covariances(np.array([i]), np.array([j]))[0]
     npt.assert_allclose(got, wanted, atol=0.12 * np.abs(np.diag(wanted)).max())
     npt.assert_allclose(np.diag(got), np.diag(wanted), rtol=0.12)
 
 
 def test_no_way_has_no_drift() -> None:
     same = np.array([0, 9])
-    npt.assert_allclose(Drift(walk(curved_moves())).covariances(same, same), 0, atol=1e-15)
+    npt.assert_allclose(closure.Drift(walk(curved_moves())).covariances(same, same), 0, atol=1e-15)
 
 
 def test_moving_the_world_changes_no_disagreement() -> None:
     moves = curved_moves()
     i, j = np.array([0, 3, 10]), np.array([20, 15, 39])
     slack = np.array([0.3, 0.3, 0.2])
-    here = Drift(walk(moves)).disagreement(i, j, 0.1, slack)
-    far = Drift(walk(moves, (4000.0, -9000.0, 2.5))).disagreement(i, j, 0.1, slack)
+    here = closure.Drift(walk(moves)).disagreement(i, j, 0.1, slack)
+    far = closure.Drift(walk(moves, (4000.0, -9000.0, 2.5))).disagreement(i, j, 0.1, slack)
     npt.assert_allclose(far, here, rtol=1e-6)
 
 
 def test_the_disagreement_is_the_squared_mahalanobis_distance() -> None:
     nodes, slack = walk(curved_moves()), np.array([0.2, 0.2, 0.2])
-    drift = Drift(nodes)
+    drift = closure.Drift(nodes)
     i, j = np.array([2]), np.array([30])
     way = nodes.world_from_body[30] - nodes.world_from_body[2]
     way[2] = wrap_angle(way[2] - np.pi)
@@ -393,8 +370,8 @@ def test_who_comes_back_agrees_and_who_went_on_does_not() -> None:
     side[-1, 2] = np.pi / 2
     square, straight = walk(np.tile(side, (4, 1))), walk(np.tile(side[:1], (40, 1)))
     ends, slack = (np.array([0]), np.array([40])), np.array([0.3, 0.3, 0.3])
-    assert Drift(square).disagreement(*ends, 0.0, slack)[0] < 1
-    assert Drift(straight).disagreement(*ends, 0.0, slack)[0] > 100
+    assert closure.Drift(square).disagreement(*ends, 0.0, slack)[0] < 1
+    assert closure.Drift(straight).disagreement(*ends, 0.0, slack)[0] > 100
     back = compose(between(square.world_from_body[0], square.world_from_body[0]), np.zeros(3))
     npt.assert_allclose(back, 0, atol=1e-12)
 
@@ -417,14 +394,10 @@ def nodes(t_s: np.ndarray = FOOTSTEPS_S) -> Odometry:
 
 def test_ess_is_the_mean_of_the_pairwise_cosines() -> None:
     given = features()
-    of_footstep = [
-        given.vectors[(given.t_s >= a) & (given.t_s < b)] for a, b in pairwise(FOOTSTEPS_S)
-    ]
-    naive = [
-        [np.mean([u @ v for u in left for v in right]) for right in of_footstep]
-        for left in of_footstep
-    ]
-    similarity = echo_sequence_similarity(given, nodes())
+    t_s, spans = given.t_s, pairwise(FOOTSTEPS_S)
+    of_footstep = [given.vectors[(t_s >= a) & (t_s < b)] for a, b in spans]
+    naive = [[np.mean(left @ right.T) for right in of_footstep] for left in of_footstep]
+    similarity = closure.echo_sequence_similarity(given, nodes())
     npt.assert_allclose(similarity.scores, naive, atol=1e-5)
     npt.assert_array_equal(similarity.scores, similarity.scores.T)
     assert similarity.kind == "elf:stub"
@@ -432,20 +405,20 @@ def test_ess_is_the_mean_of_the_pairwise_cosines() -> None:
 
 def test_an_echo_on_a_footstep_belongs_to_the_stretch_that_begins_there() -> None:
     on = Features(FOOTSTEPS_S, np.eye(6, dtype=np.float32), "stub")
-    npt.assert_array_equal(footstep_means(on, FOOTSTEPS_S), np.eye(6)[:5])
+    npt.assert_array_equal(closure.footstep_means(on, FOOTSTEPS_S), np.eye(6)[:5])
 
 
 def test_means_are_not_normalised() -> None:
     opposite = np.array([[1, 0], [-1, 0], [0, 1]], dtype=np.float32)
     given = Features(np.array([1.1, 1.2, 1.6]), opposite, "stub")
-    npt.assert_array_equal(footstep_means(given, FOOTSTEPS_S)[:2], [[0, 0], [0, 1]])
+    npt.assert_array_equal(closure.footstep_means(given, FOOTSTEPS_S)[:2], [[0, 0], [0, 1]])
 
 
 def test_a_footstep_without_echoes_resembles_nothing() -> None:
     given = features()
     keep = (given.t_s < 1.5) | (given.t_s >= 2.1)
     sparse = Features(given.t_s[keep], given.vectors[keep], "stub")
-    scores = echo_sequence_similarity(sparse, nodes()).scores
+    scores = closure.echo_sequence_similarity(sparse, nodes()).scores
     assert not scores[1].any()
     assert not scores[:, 1].any()
     assert scores[0, 0] > 0
@@ -457,6 +430,6 @@ def test_echoes_outside_the_walk_do_not_count() -> None:
     inside = (given.t_s >= FOOTSTEPS_S[0]) & (given.t_s < FOOTSTEPS_S[-1])
     cropped = Features(given.t_s[inside], given.vectors[inside], "stub")
     npt.assert_array_equal(
-        echo_sequence_similarity(given, nodes()).scores,
-        echo_sequence_similarity(cropped, nodes()).scores,
+        closure.echo_sequence_similarity(given, nodes()).scores,
+        closure.echo_sequence_similarity(cropped, nodes()).scores,
     )

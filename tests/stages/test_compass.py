@@ -1,7 +1,5 @@
 """The compass on planted walks: north, the phone's own field and the building's are known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -63,9 +61,7 @@ def test_a_walk_that_turns_tells_the_phones_own_field():
 def test_a_straight_walk_takes_it_from_the_walk_before():
     imu, magnetometer = walk(0.5, iron_ut=(-11.0, 12.0))
     known = HardIron(np.array([-11.0, 12.0]), 1.0)
-    alone, taught = (
-        compass_heading(imu, magnetometer, PARAMETERS, given) for given in (None, known)
-    )
+    alone, taught = (compass_heading(imu, magnetometer, PARAMETERS, by) for by in (None, known))
     assert degrees_off(alone.heading_rad, 0.5) > 10
     assert degrees_off(taught.heading_rad, 0.5) < 2
     assert taught.sigma_rad < alone.sigma_rad

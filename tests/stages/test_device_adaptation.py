@@ -1,7 +1,5 @@
 """An unknown phone: the planted translation is found, and nothing is claimed from too little."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -87,9 +85,7 @@ def test_the_way_people_walk_settles_what_one_window_cannot() -> None:
 def test_few_candidates_and_all_of_them_agree_where_the_match_is_clear() -> None:
     floor_map = corridor()
     features, _ = walk(floor_map, other_phone(0.2))
-    few, every = (
-        learn_phone(features, floor_map, replace(KNOWN, candidates=count)) for count in (20, 500)
-    )
+    few, every = (learn_phone(features, floor_map, replace(KNOWN, candidates=n)) for n in (20, 500))
     np.testing.assert_allclose(few, every, atol=0.05)
 
 

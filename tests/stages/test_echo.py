@@ -1,7 +1,5 @@
 """Echoes are cut where they were planted, whatever happens to the stream."""
 
-from __future__ import annotations
-
 import dataclasses
 import tracemalloc
 from collections.abc import Sequence
@@ -17,20 +15,13 @@ from scipy import signal
 from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.values import DISCARDED_SAMPLES, ECHO_SAMPLES, Audio, Chirp, Echoes
+from elfslam.stages import echo
 from elfslam.stages.chirp import ChirpParameters, make_chirp
-from elfslam.stages.echo import (
-    EchoParameters,
-    best_channel,
-    cut_echoes,
-    resampled,
-    sound,
-    to_echo_rate,
-)
 from elfslam.stages.echo.arrivals import find_frames
 
 RATE_HZ = 44_100
 FRAME = 4_410
-PARAMETERS = EchoParameters()
+PARAMETERS = echo.EchoParameters()
 ROOM = ((0.0183, 0.3), (0.031, 0.2), (0.047, 0.1))
 """Planted echoes: delay behind the direct arrival (s) and gain."""
 QUIET_S = 0.085
@@ -74,7 +65,7 @@ def audio_of(samples: F32, rate_hz: int = RATE_HZ) -> Audio:
 
 
 def cut(samples: F32, duration_s: float | None = None, rate_hz: int = RATE_HZ) -> Echoes:
-    return cut_echoes(audio_of(samples, rate_hz), chirp_at(rate_hz), PARAMETERS, duration_s)
+    return echo.cut_echoes(audio_of(samples, rate_hz), chirp_at(rate_hz), PARAMETERS, duration_s)
 
 
 def grid(count: int, first_s: float = 0.03) -> F64:
@@ -133,18 +124,17 @@ def test_the_channel_that_hears_the_chirps_is_cut_wherever_it_is(rate_hz: int, p
     samples = stream(grid(25), 2.5, rate_hz=rate_hz)
     noise = 0.2 * np.random.default_rng(0).standard_normal(len(samples))
     rows = np.insert(np.stack([noise, np.zeros_like(noise)]), place, samples, axis=0)
-    found = cut_echoes(Audio(rows, rate_hz), chirp_at(rate_hz), PARAMETERS)
+    found = echo.cut_echoes(Audio(rows, rate_hz), chirp_at(rate_hz), PARAMETERS)
     npt.assert_array_equal(found.samples, cut(samples, rate_hz=rate_hz).samples)
 
 
 @pytest.mark.parametrize("quiet_s", [0.0, 9.0])
 def test_of_two_channels_the_clearer_is_cut_though_it_is_softer(quiet_s: float) -> None:
     """Also where most of the sound is silence, as outside a stretch that was chosen."""
-    clear, hoarse = (
-        stream(grid(25), 2.5, level=a, noise=b) for a, b in ((0.05, 1e-5), (0.4, 0.02))
-    )
+    clear = stream(grid(25), 2.5, level=0.05, noise=1e-5)
+    hoarse = stream(grid(25), 2.5, level=0.4, noise=0.02)
     rows = np.pad(np.stack([hoarse, clear]), ((0, 0), (round(quiet_s * RATE_HZ), 0)))
-    npt.assert_array_equal(best_channel(Audio(rows, RATE_HZ), chirp_at()).samples[0], rows[1])
+    npt.assert_array_equal(echo.best_channel(Audio(rows, RATE_HZ), chirp_at()).samples[0], rows[1])
 
 
 def test_choosing_a_channel_needs_no_more_memory_for_a_longer_walk() -> None:
@@ -157,7 +147,7 @@ def _peak_of_choice(seconds: int) -> int:
     """Bytes, beyond the sound itself."""
     audio = Audio(np.tile(stream(grid(10), 1.0), (2, seconds)), RATE_HZ)
     tracemalloc.start()
-    best_channel(audio, chirp_at())
+    echo.best_channel(audio, chirp_at())
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     return peak
@@ -168,9 +158,9 @@ def test_resampling_block_by_block_is_resampling_at_once(
     up: int, down: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     samples = np.random.default_rng(1).standard_normal(20_001).astype(np.float32)
-    whole = resampled(samples, up, down)
-    monkeypatch.setattr(sound, "RESAMPLED_AT_ONCE", 3_000)
-    npt.assert_array_equal(resampled(samples, up, down), whole)
+    whole = echo.resampled(samples, up, down)
+    monkeypatch.setattr(echo.sound, "RESAMPLED_AT_ONCE", 3_000)
+    npt.assert_array_equal(echo.resampled(samples, up, down), whole)
     assert len(whole) == -(-20_001 * up // down)
 
 
@@ -181,7 +171,7 @@ def test_resampling_agrees_with_the_fft_and_is_flat_in_the_band() -> None:
     spectrum[band] = np.exp(2j * np.pi * generator.random(5_001))
     second = np.fft.irfft(spectrum)
     second *= 0.5 / np.abs(second).max()
-    ours = to_echo_rate(audio_of(np.tile(second, 3).astype(np.float32), 48_000))
+    ours = echo.to_echo_rate(audio_of(np.tile(second, 3).astype(np.float32), 48_000))
     middle = ours[44_100:88_200]
     oracle = signal.resample(second, 44_100)
     gain_db = 20 * np.log10(np.abs(np.fft.rfft(middle)[band]) / np.abs(np.fft.rfft(oracle)[band]))
@@ -192,13 +182,14 @@ def test_resampling_agrees_with_the_fft_and_is_flat_in_the_band() -> None:
 
 def test_what_lies_above_the_new_band_is_not_folded_into_it() -> None:
     t_s = np.arange(96_000) / 48_000
-    folded = to_echo_rate(audio_of(np.sin(2 * np.pi * 23_500 * t_s).astype(np.float32), 48_000))
+    tone = np.sin(2 * np.pi * 23_500 * t_s).astype(np.float32)
+    folded = echo.to_echo_rate(audio_of(tone, 48_000))
     assert np.abs(folded[2_000:-2_000]).max() < 1e-3
 
 
 def test_a_stream_at_its_own_rate_is_left_alone() -> None:
     samples = stream(grid(5), 0.5)
-    npt.assert_array_equal(to_echo_rate(audio_of(samples)), samples)
+    npt.assert_array_equal(echo.to_echo_rate(audio_of(samples)), samples)
 
 
 def test_two_overlapping_halves_give_the_echoes_of_the_whole() -> None:
@@ -265,9 +256,8 @@ def test_missing_sound_is_put_back_where_the_phase_jumps() -> None:
     lost = round(0.53 * RATE_HZ)
     kept = np.delete(samples, np.s_[lost_from : lost_from + lost])
     echoes = cut(kept, duration_s=6.0)
-    survivors_s = planted_s[
-        (planted_s * RATE_HZ < lost_from) | (planted_s * RATE_HZ > lost_from + lost)
-    ]
+    at = planted_s * RATE_HZ
+    survivors_s = planted_s[(at < lost_from) | (at > lost_from + lost)]
     npt.assert_allclose(echoes.t_s, survivors_s, atol=1e-4)
     npt.assert_allclose(echoes.losses_s, [[planted_s[31], 0.53]], atol=1e-4)
     blind = cut(kept)
@@ -423,7 +413,7 @@ def test_sound_that_is_too_short_is_refused() -> None:
     with pytest.raises(InputError, match=r"wanted at least 2 s, got 1.90 s; record longer"):
         cut(stream(grid(19), 1.9))
     patient = dataclasses.replace(PARAMETERS, minimum_duration_s=1.0)
-    assert len(cut_echoes(audio_of(stream(grid(19), 1.9)), chirp_at(), patient).t_s) == 19
+    assert len(echo.cut_echoes(audio_of(stream(grid(19), 1.9)), chirp_at(), patient).t_s) == 19
 
 
 def test_silence_is_refused() -> None:
@@ -448,7 +438,7 @@ def test_a_recording_that_mostly_lacks_chirps_is_refused_with_the_count() -> Non
     strong = dataclasses.replace(PARAMETERS, found_share=0.9)
     samples = stream(grid(25), 3.0)
     with pytest.raises(InputError, match=r"chirps in 25 of 30 frames, wanted 90%; check that"):
-        cut_echoes(audio_of(samples), chirp_at(), strong)
+        echo.cut_echoes(audio_of(samples), chirp_at(), strong)
     assert len(cut(samples).t_s) == 25
 
 
@@ -456,14 +446,13 @@ def test_a_recording_that_mostly_lacks_chirps_is_refused_with_the_count() -> Non
 def test_sound_at_another_rate_is_refused(rate_hz: int) -> None:
     audio = audio_of(stream(grid(30), 3.0), rate_hz)
     with pytest.raises(InputError, match=rf"wanted 44100 or 48000 Hz, got {rate_hz}; record again"):
-        to_echo_rate(audio)
+        echo.to_echo_rate(audio)
 
 
 def test_phones_that_play_and_record_at_different_rates_get_on() -> None:
     samples = stream(grid(25), 2.5)
-    npt.assert_array_equal(
-        cut_echoes(audio_of(samples), chirp_at(48_000), PARAMETERS).t_s, cut(samples).t_s
-    )
+    other = echo.cut_echoes(audio_of(samples), chirp_at(48_000), PARAMETERS)
+    npt.assert_array_equal(other.t_s, cut(samples).t_s)
 
 
 def test_a_playback_that_falls_behind_is_a_break_and_no_loss() -> None:
@@ -475,7 +464,7 @@ def test_a_playback_that_falls_behind_is_a_break_and_no_loss() -> None:
     for arrival in arrivals:
         samples[arrival : arrival + len(chirp.samples)] += 0.3 * chirp.samples
     duration_s = len(samples) / 44_100
-    echoes = cut_echoes(Audio(samples[None], 44_100), chirp, EchoParameters(), duration_s)
+    echoes = echo.cut_echoes(Audio(samples[None], 44_100), chirp, echo.EchoParameters(), duration_s)
     assert echoes.losses_s.shape == (1, 2)
     assert echoes.losses_s[0, 1] == 0.0
     np.testing.assert_allclose(echoes.t_s, arrivals / 44_100, atol=1e-4)
@@ -485,13 +474,13 @@ def test_a_playback_that_falls_behind_is_a_break_and_no_loss() -> None:
 def test_a_search_wider_than_half_a_period_is_refused(reach: dict[str, float]) -> None:
     wide = dataclasses.replace(PARAMETERS, **reach)
     with pytest.raises(ParameterError, match=r"wanted less than half of chirp.period_s, 0.05 s, g"):
-        cut_echoes(audio_of(stream(grid(25), 2.5)), chirp_at(), wide)
+        echo.cut_echoes(audio_of(stream(grid(25), 2.5)), chirp_at(), wide)
 
 
 @pytest.mark.parametrize("reach", [{"slack_s": 0.02}, {"early_s": 0.02}])
 def test_the_widest_search_still_finds_every_chirp(reach: dict[str, float]) -> None:
     wide = dataclasses.replace(PARAMETERS, **reach)
-    echoes = cut_echoes(audio_of(stream(grid(25), 2.5)), chirp_at(), wide)
+    echoes = echo.cut_echoes(audio_of(stream(grid(25), 2.5)), chirp_at(), wide)
     npt.assert_allclose(echoes.t_s, grid(25), atol=1e-4)
 
 
@@ -499,43 +488,39 @@ def test_the_widest_search_still_finds_every_chirp(reach: dict[str, float]) -> N
 def test_a_period_that_is_not_the_sounds_is_refused(period_s: float, beat: str) -> None:
     slow = make_chirp(ChirpParameters(period_s=period_s), RATE_HZ)
     with pytest.raises(InputError, match=rf"chirps come every {beat} ms, not at the period"):
-        cut_echoes(audio_of(stream(grid(60), 6.0)), slow, PARAMETERS)
+        echo.cut_echoes(audio_of(stream(grid(60), 6.0)), slow, PARAMETERS)
 
 
 def test_chirps_at_half_the_beat_are_refused() -> None:
     lenient = dataclasses.replace(PARAMETERS, found_share=0.1)
     with pytest.raises(InputError, match=r"chirps come every 200.0 ms, not at the period"):
-        cut_echoes(audio_of(stream(grid(60)[::2], 6.0)), chirp_at(), lenient)
+        echo.cut_echoes(audio_of(stream(grid(60)[::2], 6.0)), chirp_at(), lenient)
 
 
 def test_sound_of_less_than_two_periods_is_refused() -> None:
     slow = make_chirp(ChirpParameters(period_s=1.0), RATE_HZ)
     patient = dataclasses.replace(PARAMETERS, minimum_duration_s=0.5)
     with pytest.raises(InputError, match=r"wanted at least two periods of 1 s, got 1.90 s; record"):
-        cut_echoes(audio_of(stream(grid(19), 1.9)), slow, patient)
+        echo.cut_echoes(audio_of(stream(grid(19), 1.9)), slow, patient)
 
 
 def test_sound_that_ends_before_its_only_echo_is_refused() -> None:
     patient = dataclasses.replace(PARAMETERS, minimum_duration_s=0.2, found_share=0.0)
     samples = stream([0.19], 0.21)
     with pytest.raises(InputError, match=r"it ends before the first echo does; record longer"):
-        cut_echoes(audio_of(samples), chirp_at(), patient)
+        echo.cut_echoes(audio_of(samples), chirp_at(), patient)
 
 
-def test_a_long_stream_is_filtered_block_by_block_as_if_at_once(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_long_stream_is_filtered_by_blocks_as_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     samples = np.random.default_rng(5).normal(size=20_000).astype(np.float32)
     chirp = chirp_at()
-    whole = sound.matched_envelope(samples, chirp)
-    monkeypatch.setattr(sound, "FILTERED_AT_ONCE", 777)
-    blocks = sound.matched_envelope(samples, chirp)
+    whole = echo.sound.matched_envelope(samples, chirp)
+    monkeypatch.setattr(echo.sound, "FILTERED_AT_ONCE", 777)
+    blocks = echo.sound.matched_envelope(samples, chirp)
     npt.assert_allclose(blocks, whole, atol=1e-5 * float(whole.max()))
 
 
-def test_a_real_phone_with_a_chirp_of_its_own_is_followed_through_its_slips(
-    shared_data: Path,
-) -> None:
+def test_a_real_phone_with_its_own_chirp_is_followed_through_slips(shared_data: Path) -> None:
     """An iPhone that plays a linear chirp of its own every 200 ms; its stream slips and returns."""
     folder = shared_data / "phones"
     played, rate_hz = soundfile.read(folder / "iphone_ranging_played.wav", dtype="float32")

@@ -1,24 +1,13 @@
 """A walk becomes spots: one per echo, between the footsteps where it was heard."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.testing as npt
 import pytest
 
 from elfslam.base.arrays import F64
 from elfslam.base.values import ELF_SIZE, Features, FloorMap, Payload, Trajectory
-from elfslam.stages.floormap import (
-    FloorMapParameters,
-    QualityParameters,
-    floor_spots,
-    map_quality,
-    spot_means,
-    superimposed,
-    superimposed_map,
-    trajectory_map,
-    window_means,
-)
+from elfslam.stages import floormap
+from elfslam.stages.floormap import QualityParameters, map_quality, spot_means, superimposed
 
 
 def features(t_s: F64, size: int = 6) -> Features:
@@ -35,8 +24,10 @@ def trajectory() -> Trajectory:
 
 
 def made_map(given: Features, window_s: float = 0.6) -> FloorMap:
-    parameters = FloorMapParameters(window_s=window_s)
-    return trajectory_map(trajectory(), given, parameters, parameters_digest="d", source="walk")
+    parameters = floormap.FloorMapParameters(window_s=window_s)
+    return floormap.trajectory_map(
+        trajectory(), given, parameters, parameters_digest="d", source="walk"
+    )
 
 
 def test_each_echo_between_the_footsteps_gives_a_spot_where_it_was_heard() -> None:
@@ -66,22 +57,20 @@ def test_the_map_says_where_it_comes_from() -> None:
 def test_a_spot_sounds_like_the_mean_of_its_window(window_s: float) -> None:
     t_s = np.delete(1.0 + 0.1 * np.arange(31), [7, 8, 20])
     given = features(t_s)
-    naive = [
-        given.vectors[np.abs(t_s - centre) <= window_s / 2 + 1e-6].mean(axis=0) for centre in t_s
-    ]
+    half_s = window_s / 2 + 1e-6
+    naive = [given.vectors[np.abs(t_s - at_s) <= half_s].mean(axis=0) for at_s in t_s]
     npt.assert_allclose(made_map(given, window_s).payloads[0].vectors, naive, atol=1e-6)
 
 
 def test_echoes_outside_the_walk_still_sound_at_its_ends() -> None:
     given = features(np.array([0.8, 1.0, 1.2]))
-    npt.assert_allclose(
-        made_map(given).payloads[0].vectors[0], given.vectors.mean(axis=0), atol=1e-6
-    )
+    mean = given.vectors.mean(axis=0)
+    npt.assert_allclose(made_map(given).payloads[0].vectors[0], mean, atol=1e-6)
 
 
 def test_a_window_without_echoes_is_zero() -> None:
     given = features(np.array([1.0, 1.1]))
-    means = window_means(given, np.array([1.05, 3.0]), 0.6)
+    means = floormap.window_means(given, np.array([1.05, 3.0]), 0.6)
     npt.assert_allclose(means, [given.vectors.mean(axis=0), np.zeros(6)], atol=1e-6)
 
 
@@ -107,7 +96,7 @@ def walked_both_ways() -> FloorMap:
 
 def test_spots_lie_in_the_middle_of_what_was_heard_in_each_square() -> None:
     xy_m = np.array([[0.01, 0.02], [0.03, 0.04], [-0.05, 0.05], [1.0, 1.0]])
-    found = floor_spots(xy_m, 0.1)
+    found = floormap.floor_spots(xy_m, 0.1)
     np.testing.assert_allclose(sorted(found.tolist()), [[-0.05, 0.05], [0.02, 0.03], [1.0, 1.0]])
 
 
@@ -127,7 +116,9 @@ def test_a_spot_is_as_sure_as_the_walk_nearest_to_it_and_its_square_is_wide() ->
 
 def test_the_map_holds_one_elf_for_each_spot() -> None:
     vectors = np.eye(2, ELF_SIZE, dtype=np.float32)
-    made = superimposed_map(np.eye(2), vectors, "plain", spacing_m=SPACING_M, sources=("a", "b"))
+    made = floormap.superimposed_map(
+        np.eye(2), vectors, "plain", spacing_m=SPACING_M, sources=("a", "b")
+    )
     (payload,) = made.payloads
     assert (payload.kind, payload.encoder) == ("elf", "plain")
     np.testing.assert_array_equal(payload.vectors, vectors)

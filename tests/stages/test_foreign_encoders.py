@@ -1,7 +1,5 @@
 """Encoders from others may do anything while they run: they are stopped, and said so in a line."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -17,13 +15,7 @@ from onnx import helper
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE
-from elfslam.stages.feature import (
-    BATCH_TICKS,
-    MOST_RUN_BYTES,
-    OnnxEncoder,
-    _stop_late,
-    load_encoder,
-)
+from elfslam.stages import feature
 
 ROWS = np.random.default_rng(0).standard_normal((3, ECHO_SAMPLES)).astype(np.float32)
 PEAK = """
@@ -39,7 +31,7 @@ except Exception as error:
 
 
 def test_the_graph_that_is_spoilt_is_a_good_one() -> None:
-    made = OnnxEncoder(foreign_encoder(*GOOD), "good").embed(ROWS)
+    made = feature.OnnxEncoder(foreign_encoder(*GOOD), "good").embed(ROWS)
     cut = ROWS[:, :ELF_SIZE]
     np.testing.assert_allclose(made, cut / np.linalg.norm(cut, axis=1)[:, None], atol=1e-6)
 
@@ -54,7 +46,7 @@ def test_the_graph_that_is_spoilt_is_a_good_one() -> None:
     ids=["loops", "fails", *OTHERS],
 )
 def test_what_misbehaves_is_refused(nodes: tuple[onnx.NodeProto, ...], why: str) -> None:
-    encoder = OnnxEncoder(foreign_encoder(*nodes), "bad", batch_s=0.2)
+    encoder = feature.OnnxEncoder(foreign_encoder(*nodes), "bad", batch_s=0.2)
     with pytest.raises(InputError, match=f"encoder bad: {why}") as refused:
         encoder.embed(ROWS)
     assert "\n" not in str(refused.value)
@@ -69,36 +61,34 @@ def test_the_time_of_a_batch_is_counted_in_waits_so_that_a_halted_machine_refuse
             return False
 
     options = onnxruntime.RunOptions()
-    _stop_late(options, Halted(), 3.0)
+    feature._stop_late(options, Halted(), 3.0)
     assert options.terminate
-    assert Halted.waits == BATCH_TICKS
+    assert Halted.waits == feature.BATCH_TICKS
     done = threading.Event()
     done.set()
     fresh = onnxruntime.RunOptions()
-    _stop_late(fresh, done, 3.0)
+    feature._stop_late(fresh, done, 3.0)
     assert not fresh.terminate
 
 
 @pytest.mark.parametrize("nodes", [GROWS, ALLOCATES], ids=["grows", "allocates"])
-def test_what_takes_all_memory_gets_a_part_of_it(
-    tmp_path: Path, nodes: tuple[onnx.NodeProto, ...]
-) -> None:
+def test_who_takes_all_memory_gets_some(tmp_path: Path, nodes: tuple[onnx.NodeProto, ...]) -> None:
     (tmp_path / "bad.onnx").write_bytes(foreign_encoder(*nodes))
     command = [sys.executable, "-c", PEAK, str(tmp_path / "bad.onnx")]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     kind, peak_bytes = done.stdout.split()
     assert (kind, done.stderr) == ("InputError", "")
-    assert int(peak_bytes) < MOST_RUN_BYTES + 512 * 2**20
+    assert int(peak_bytes) < feature.MOST_RUN_BYTES + 512 * 2**20
 
 
 @pytest.mark.parametrize("kind", [onnx.TensorProto.DOUBLE, onnx.TensorProto.STRING])
 def test_numbers_of_another_kind_are_refused(kind: int) -> None:
     cast = helper.make_node("Cast", ["unit"], ["elf"], to=kind)
     with pytest.raises(InputError, match="something else"):
-        OnnxEncoder(foreign_encoder(cast, output=kind), "bad").embed(ROWS)
+        feature.OnnxEncoder(foreign_encoder(cast, output=kind), "bad").embed(ROWS)
 
 
 def test_an_encoder_that_is_no_plain_file_is_not_opened(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "mine.onnx")
     with pytest.raises(InputError, match="no ordinary file"):
-        load_encoder(str(tmp_path / "mine.onnx"))
+        feature.load_encoder(str(tmp_path / "mine.onnx"))

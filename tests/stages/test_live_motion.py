@@ -1,8 +1,7 @@
 """Footsteps while the walk goes on: those of the whole walk, each once, as soon as it is final."""
 
-from __future__ import annotations
-
 import numpy as np
+import numpy.testing as npt
 import pytest
 
 from elfslam.base.geometry import between
@@ -61,11 +60,11 @@ def test_live_steps_are_those_of_the_whole_walk() -> None:
     begun = np.searchsorted(nodes.t_s, steps.from_s[known][0] - 0.1)
     same = slice(begun, begun + known.sum())
     moves = between(nodes.world_from_body[:-1], nodes.world_from_body[1:])[same]
-    np.testing.assert_allclose(steps.t_s[known], nodes.t_s[1:][same], atol=0.02)
-    np.testing.assert_allclose(steps.from_s[known], nodes.t_s[:-1][same], atol=0.02)
-    np.testing.assert_allclose(steps.moves[known, :2], moves[:, :2], atol=0.04)
-    np.testing.assert_allclose(steps.moves[known, 2], moves[:, 2], atol=0.02)
-    np.testing.assert_allclose(steps.sigma[known, :2], nodes.step_sigma[same, :2], atol=0.02)
+    npt.assert_allclose(steps.t_s[known], nodes.t_s[1:][same], atol=0.02)
+    npt.assert_allclose(steps.from_s[known], nodes.t_s[:-1][same], atol=0.02)
+    npt.assert_allclose(steps.moves[known, :2], moves[:, :2], atol=0.04)
+    npt.assert_allclose(steps.moves[known, 2], moves[:, 2], atol=0.02)
+    npt.assert_allclose(steps.sigma[known, :2], nodes.step_sigma[same, :2], atol=0.02)
     turned_rad = moves[:, 2].sum()
     assert steps.moves[known, 2].sum() == pytest.approx(turned_rad, abs=0.03)
     assert turned_rad == pytest.approx(np.pi / 2, abs=0.2)
@@ -80,7 +79,7 @@ def test_footsteps_come_once_in_order_and_not_before_they_are_final(every: int) 
         assert np.all(steps.t_s <= newest_s - PARAMETERS.live_delay_s + 1e-9)
     steps = joined(told)
     assert np.all(np.diff(steps.t_s) > PARAMETERS.least_interval_s)
-    np.testing.assert_array_equal(steps.from_s[1:], steps.t_s[:-1])
+    npt.assert_array_equal(steps.from_s[1:], steps.t_s[:-1])
     assert abs(len(steps.t_s) - len(dead_reckon(imu, PARAMETERS).t_s)) <= 2 + every // 60
 
 
@@ -130,18 +129,14 @@ def test_too_few_or_too_slow_readings_give_no_steps() -> None:
 
 def test_a_footstep_near_the_last_given_is_that_one() -> None:
     found_s = np.array([9.5, 10.01, 10.1, 10.16, 10.5])
-    np.testing.assert_array_equal(
-        not_given(found_s, np.array([9.4, 10.0]), PARAMETERS), [10.16, 10.5]
-    )
-    np.testing.assert_array_equal(not_given(found_s, np.zeros(0), PARAMETERS), found_s)
+    npt.assert_array_equal(not_given(found_s, np.array([9.4, 10.0]), PARAMETERS), [10.16, 10.5])
+    npt.assert_array_equal(not_given(found_s, np.zeros(0), PARAMETERS), found_s)
 
 
 def test_a_footstep_is_final_when_the_walk_has_gone_on() -> None:
     delay_s = PARAMETERS.live_delay_s
     found_s = np.array([1.0, 2.0, 2.001])
-    np.testing.assert_array_equal(
-        final_footsteps(found_s, 2.0 + delay_s + 1e-9, PARAMETERS), [1.0, 2.0]
-    )
+    npt.assert_array_equal(final_footsteps(found_s, 2.0 + delay_s + 1e-9, PARAMETERS), [1.0, 2.0])
 
 
 @pytest.mark.parametrize(

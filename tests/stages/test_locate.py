@@ -1,7 +1,5 @@
 """Fixes: right where the map knows the place, and honest where it does not."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -10,16 +8,10 @@ import pytest
 
 from elfslam.base.arrays import F32, F64, Bool
 from elfslam.base.errors import InputError
-from elfslam.base.values import Features, FixStatus, FloorMap, Payload
-from elfslam.stages.locate import (
-    LocateParameters,
-    elf_payload,
-    fixes_of,
-    locate_one_shot,
-    trusted_one_shot,
-)
+from elfslam.base.values import Features, Fixes, FixStatus, FloorMap, Payload
+from elfslam.stages import locate
 
-PARAMETERS = LocateParameters()
+PARAMETERS = locate.LocateParameters()
 SPOTS = 50
 SPACING_M = 0.5
 ECHOES_PER_FIX = 6
@@ -58,10 +50,15 @@ def heard_at(vectors: F32, spots: list[int], noise: float = 0.05) -> Features:
     return Features(0.1 * np.arange(len(rows)) + 2.0, rows, "stub")
 
 
+def located(features: Features, floor_map: FloorMap, **changes: float) -> Fixes:
+    known = dataclasses.replace(PARAMETERS, **changes)
+    return locate.locate_one_shot(features, floor_map, known)
+
+
 def test_planted_places_are_found() -> None:
     vectors, spots = place_vectors(), [3, 17, 30, 44]
     floor_map = made_map(vectors)
-    fixes = locate_one_shot(heard_at(vectors, spots), floor_map, PARAMETERS)
+    fixes = located(heard_at(vectors, spots), floor_map)
     npt.assert_array_equal(fixes.status, FixStatus.OK)
     npt.assert_allclose(fixes.xy_m, floor_map.xy_m[spots], atol=0.1)
     npt.assert_allclose(fixes.heading_rad, np.pi / 6, atol=1e-6)
@@ -72,7 +69,7 @@ def test_planted_places_are_found() -> None:
 def test_the_score_is_the_cosine_of_the_mean_echo_with_the_best_spot() -> None:
     vectors = place_vectors()
     given = heard_at(vectors, [12], noise=0.2)
-    fixes = locate_one_shot(given, made_map(vectors), PARAMETERS)
+    fixes = located(given, made_map(vectors))
     mean = given.vectors.mean(axis=0)
     npt.assert_allclose(fixes.score, [mean @ vectors[12] / np.linalg.norm(mean)], atol=1e-6)
 
@@ -83,7 +80,7 @@ def test_a_spot_whose_echoes_disagree_is_found_all_the_same() -> None:
     shaken = vectors.copy()
     shaken[20] *= 0.5
     heard = heard_at(unit(vectors[[20]] + 0.6 * vectors[[35]]), [0])
-    fixes = locate_one_shot(heard, made_map(shaken), PARAMETERS)
+    fixes = located(heard, made_map(shaken))
     npt.assert_allclose(fixes.xy_m[0], steady.xy_m[20], atol=0.1)
 
 
@@ -91,7 +88,7 @@ def test_scores_of_any_kind_make_fixes() -> None:
     floor_map = made_map(place_vectors())
     scores = np.full((3, SPOTS), 0.1, dtype=np.float32)
     scores[0, 7], scores[2] = 0.9, np.nan
-    fixes = fixes_of(np.array([1.0, 2.0, 3.0]), scores, floor_map, PARAMETERS)
+    fixes = locate.fixes_of(np.array([1.0, 2.0, 3.0]), scores, floor_map, PARAMETERS)
     assert fixes.status.tolist() == [FixStatus.OK, FixStatus.UNKNOWN_PLACE, FixStatus.NO_ECHO]
     npt.assert_allclose(fixes.xy_m[0], floor_map.xy_m[7], atol=1e-6)
     assert np.isnan(fixes.score[2])
@@ -101,18 +98,18 @@ def test_between_two_spots_the_fix_lies_between_them() -> None:
     vectors = place_vectors()
     halfway = unit(vectors[[20]] + vectors[[21]])
     floor_map = made_map(vectors)
-    fixes = locate_one_shot(heard_at(halfway, [0], noise=0.0), floor_map, PARAMETERS)
+    fixes = located(heard_at(halfway, [0], noise=0.0), floor_map)
     npt.assert_allclose(fixes.xy_m[0], floor_map.xy_m[20:22].mean(axis=0), atol=0.05)
 
 
 def test_the_covariance_holds_the_spread_the_spots_own_and_a_floor() -> None:
     vectors = place_vectors()
     floor_map = made_map(vectors)
-    even = locate_one_shot(heard_at(vectors, [20], noise=0.0), floor_map, PARAMETERS)
+    even = located(heard_at(vectors, [20], noise=0.0), floor_map)
     own = np.diag([0.04, 0.09]) + PARAMETERS.sigma_floor_m**2 * np.eye(2)
     npt.assert_allclose(even.covariance_m2[0], own, atol=0.02)
-    warm = dataclasses.replace(PARAMETERS, temperature=0.5, near_m=3.0, ambiguous_below=0.0)
-    vague = locate_one_shot(heard_at(vectors, [20], noise=0.0), floor_map, warm)
+    heard, warm = heard_at(vectors, [20], noise=0.0), {"temperature": 0.5, "near_m": 3.0}
+    vague = located(heard, floor_map, **warm, ambiguous_below=0.0)
     extra = vague.covariance_m2[0] - own
     along = np.array([np.cos(np.pi / 6), np.sin(np.pi / 6)])
     across = np.array([-along[1], along[0]])
@@ -127,8 +124,7 @@ def test_moving_the_map_moves_the_fixes_and_leaves_every_covariance(by_m: list[f
     floor_map, heard = made_map(vectors), heard_at(vectors, [3, 17, 30, 44])
     far = dataclasses.replace(floor_map, xy_m=floor_map.xy_m + by_m)
     # No two spots lie just so far apart.
-    known = dataclasses.replace(PARAMETERS, near_m=1.1)
-    here, there = (locate_one_shot(heard, each, known) for each in (floor_map, far))
+    here, there = (located(heard, each, near_m=1.1) for each in (floor_map, far))
     npt.assert_allclose(there.xy_m - by_m, here.xy_m, atol=1e-6)
     npt.assert_allclose(there.covariance_m2, here.covariance_m2, atol=1e-6)
 
@@ -137,9 +133,7 @@ def test_two_far_places_that_sound_the_same_are_ambiguous() -> None:
     vectors = place_vectors().copy()
     vectors[40] = vectors[10]
     floor_map = made_map(vectors)
-    doubtful = locate_one_shot(
-        heard_at(vectors, [10, 25]), floor_map, dataclasses.replace(PARAMETERS, ambiguous_below=0.6)
-    )
+    doubtful = located(heard_at(vectors, [10, 25]), floor_map, ambiguous_below=0.6)
     assert doubtful.status.tolist() == [FixStatus.AMBIGUOUS, FixStatus.OK]
     middle_m = floor_map.xy_m[[10, 40]].mean(axis=0)
     npt.assert_allclose(doubtful.xy_m[0], middle_m, atol=0.5)
@@ -149,19 +143,18 @@ def test_two_far_places_that_sound_the_same_are_ambiguous() -> None:
 
 
 def test_three_far_places_are_ambiguous_and_near_ones_are_not() -> None:
-    even = dataclasses.replace(PARAMETERS, ambiguous_below=0.5)
     far, near = place_vectors().copy(), place_vectors().copy()
     far[[25, 40]] = far[10]
     near[[9, 11]] = near[10]
     for vectors, status in ((far, FixStatus.AMBIGUOUS), (near, FixStatus.OK)):
-        fixes = locate_one_shot(heard_at(vectors, [10]), made_map(vectors), even)
+        fixes = located(heard_at(vectors, [10]), made_map(vectors), ambiguous_below=0.5)
         assert fixes.status.tolist() == [status]
 
 
 def test_an_unknown_place_gets_no_position() -> None:
     vectors = place_vectors()
     strange = heard_at(place_vectors(seed=9), [5])
-    fixes = locate_one_shot(strange, made_map(vectors), PARAMETERS)
+    fixes = located(strange, made_map(vectors))
     assert fixes.status.tolist() == [FixStatus.UNKNOWN_PLACE]
     assert np.isnan(fixes.xy_m).all()
     assert np.isnan(fixes.covariance_m2).all()
@@ -172,14 +165,14 @@ def test_an_unknown_place_gets_no_position() -> None:
 def test_what_is_suspect_has_no_position_and_the_other_fixes_stand() -> None:
     vectors = place_vectors()
     features, floor_map = heard_at(vectors, [3, 17, 30, 44]), made_map(vectors)
-    plain = locate_one_shot(features, floor_map, PARAMETERS)
+    plain = located(features, floor_map)
     asked: list[F64] = []
 
     def second(edges_s: F64) -> Bool:
         asked.append(edges_s)
         return np.arange(len(edges_s) - 1) == 1
 
-    fixes = trusted_one_shot(features, floor_map, PARAMETERS, second)
+    fixes = locate.trusted_one_shot(features, floor_map, PARAMETERS, second)
     npt.assert_allclose(asked[0], 2.0 + 0.6 * np.arange(5))
     assert fixes.status.tolist() == [FixStatus.OK, FixStatus.SUSPECT, FixStatus.OK, FixStatus.OK]
     assert np.isnan(fixes.xy_m[1]).all()
@@ -191,9 +184,7 @@ def test_missing_echoes_are_said_and_the_other_fixes_stand() -> None:
     vectors, spots = place_vectors(), [3, 17, 30]
     whole = heard_at(vectors, spots)
     kept = np.r_[0:6, 8:10, 12:18]
-    fixes = locate_one_shot(
-        Features(whole.t_s[kept], whole.vectors[kept], "stub"), made_map(vectors), PARAMETERS
-    )
+    fixes = located(Features(whole.t_s[kept], whole.vectors[kept], "stub"), made_map(vectors))
     assert fixes.status.tolist() == [FixStatus.OK, FixStatus.NO_ECHO, FixStatus.OK]
     assert np.isnan(fixes.xy_m[1]).all()
     assert np.isnan(fixes.score[1])
@@ -201,24 +192,18 @@ def test_missing_echoes_are_said_and_the_other_fixes_stand() -> None:
 
 
 def test_a_gap_of_several_windows_gives_a_fix_for_each() -> None:
-    whole = heard_at(place_vectors(), [3, 17, 30, 44])
-    kept = np.r_[0:6, 18:24]
-    fixes = locate_one_shot(
-        Features(whole.t_s[kept], whole.vectors[kept], "stub"),
-        made_map(place_vectors()),
-        PARAMETERS,
-    )
+    vectors = place_vectors()
+    whole, kept = heard_at(vectors, [3, 17, 30, 44]), np.r_[0:6, 18:24]
+    fixes = located(Features(whole.t_s[kept], whole.vectors[kept], "stub"), made_map(vectors))
     assert fixes.status.tolist() == [0, FixStatus.NO_ECHO, FixStatus.NO_ECHO, 0]
 
 
 def test_a_single_echo_is_too_little_but_no_accident() -> None:
     vectors = place_vectors()
     one = Features([2.0], vectors[:1], "stub")
-    fixes = locate_one_shot(one, made_map(vectors), PARAMETERS)
+    fixes = located(one, made_map(vectors))
     assert fixes.status.tolist() == [FixStatus.NO_ECHO]
-    content = locate_one_shot(
-        one, made_map(vectors), dataclasses.replace(PARAMETERS, fewest_echoes=1)
-    )
+    content = located(one, made_map(vectors), fewest_echoes=1)
     assert content.status.tolist() == [FixStatus.OK]
 
 
@@ -226,29 +211,17 @@ def test_every_echo_belongs_to_one_window() -> None:
     vectors = place_vectors()
     whole = heard_at(vectors, [3, 17])
     longer = Features(0.6 * np.arange(5), np.tile(vectors[8], (5, 1)), "stub")
-    patient = dataclasses.replace(PARAMETERS, fewest_echoes=1)
-    assert len(locate_one_shot(longer, made_map(vectors), patient).t_s) == 5
-    assert len(locate_one_shot(whole, made_map(vectors), PARAMETERS).t_s) == 2
-    wide = dataclasses.replace(PARAMETERS, window_s=1.2)
-    assert len(locate_one_shot(whole, made_map(vectors), wide).t_s) == 1
+    assert len(located(longer, made_map(vectors), fewest_echoes=1).t_s) == 5
+    assert len(located(whole, made_map(vectors)).t_s) == 2
+    assert len(located(whole, made_map(vectors), window_s=1.2).t_s) == 1
 
 
-def test_another_encoder_is_refused() -> None:
+def test_maps_of_other_features_or_none_are_refused() -> None:
     vectors = place_vectors()
-    with pytest.raises(
-        InputError, match="made with encoder other, got echoes encoded by stub; use"
-    ):
-        locate_one_shot(heard_at(vectors, [1]), made_map(vectors, encoder="other"), PARAMETERS)
-
-
-def test_a_map_without_echoes_is_refused() -> None:
-    deaf = dataclasses.replace(made_map(place_vectors()), payloads=())
+    with pytest.raises(InputError, match="with encoder other, got echoes encoded by stub; use"):
+        located(heard_at(vectors, [1]), made_map(vectors, encoder="other"))
+    deaf = dataclasses.replace(made_map(vectors), payloads=())
     with pytest.raises(InputError, match="map: it holds no echoes; map the place by elf"):
-        locate_one_shot(heard_at(place_vectors(), [1]), deaf, PARAMETERS)
-
-
-def test_a_map_of_other_features_is_refused() -> None:
-    vectors = place_vectors()
-    floor_map = made_map(vectors)
+        located(heard_at(vectors, [1]), deaf)
     with pytest.raises(InputError, match=r"its ELFs have shape .50, 64., wanted some of 128"):
-        elf_payload(floor_map, "stub", 128)
+        locate.elf_payload(made_map(vectors), "stub", 128)

@@ -1,7 +1,5 @@
 """Placements are found by vote and believed on evidence alone."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -11,15 +9,10 @@ import pytest
 from elfslam.base.arrays import F32, F64
 from elfslam.base.geometry import between, compose, inverse
 from elfslam.base.values import Closures
-from elfslam.stages.map_alignment import (
-    AlignmentParameters,
-    WalkPair,
-    align,
-    resemblances,
-    usual_resemblance,
-)
+from elfslam.stages import map_alignment
+from elfslam.stages.map_alignment import WalkPair, align, resemblances, usual_resemblance
 
-KNOWN = AlignmentParameters()
+KNOWN = map_alignment.AlignmentParameters()
 TRUE = np.array([4.0, -7.0, 2.5])
 USUAL = 0.6
 
@@ -48,9 +41,8 @@ def meeting(scores: F32, links: list[tuple[int, int]], poses: F64 | None = None)
 
 def test_the_placement_that_all_votes_share_is_found() -> None:
     noise = np.random.default_rng(0).integers(0, 60, (30, 2)).tolist()
-    found = align(
-        meeting(alike(ring(), ring(), USUAL), [*[(k, k) for k in range(60)], *noise]), USUAL, KNOWN
-    )
+    links = [*((k, k) for k in range(60)), *noise]
+    found = align(meeting(alike(ring(), ring(), USUAL), links), USUAL, KNOWN)
     assert found.refusal == ""
     npt.assert_allclose(found.one_from_other, TRUE, atol=0.05)
     assert found.resemblance == pytest.approx(1.0, abs=0.05)
@@ -64,9 +56,8 @@ def test_nothing_alike_is_no_placement() -> None:
 
 def test_a_little_common_ground_is_not_enough() -> None:
     short = ring()[:6]
-    found = align(
-        meeting(alike(short, short, USUAL), [(k, k) for k in range(6)], short), USUAL, KNOWN
-    )
+    links = [(k, k) for k in range(6)]
+    found = align(meeting(alike(short, short, USUAL), links, short), USUAL, KNOWN)
     assert "m2 in common" in found.refusal
 
 

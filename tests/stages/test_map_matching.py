@@ -1,7 +1,5 @@
 """A walk through corridors: walls put right what dead reckoning bends."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -12,16 +10,10 @@ from elfslam.base.arrays import F64
 from elfslam.base.geometry import chain, compose, wrap_angle
 from elfslam.base.grid import FloorGrid, walked_grid
 from elfslam.base.values import Odometry, Trajectory
-from elfslam.stages.map_matching import (
-    Followed,
-    MapMatchingParameters,
-    follow_ground,
-    followed_trajectory,
-    gaps_of,
-)
+from elfslam.stages import map_matching
 
 CORNERS = np.array([[0, 0], [20, 0], [20, 12], [6, 12], [6, 20.0]])
-PARAMETERS = MapMatchingParameters(particles=1500)
+PARAMETERS = map_matching.MapMatchingParameters(particles=1500)
 SURE = np.diag([0.2, 0.2, 0.05]) ** 2
 STEP_SIGMA = np.array([0.15, 0.1, 0.01])
 
@@ -47,10 +39,12 @@ def walked(bend_rad: float = 0.0, scale: float = 1.0) -> tuple[Odometry, F64]:
     return Odometry(t_s, reckoned, sigma, heading_drift_sigma_radps=0.02), truth
 
 
-def follow(nodes: Odometry, ground: FloorGrid, start: F64 | None = None, seed: int = 0) -> Followed:
+def follow(
+    nodes: Odometry, ground: FloorGrid, start: F64 | None = None, seed: int = 0
+) -> map_matching.Followed:
     begin = np.zeros(3) if start is None else start
     generator = np.random.default_rng(seed)
-    return follow_ground(nodes, begin, SURE, ground, PARAMETERS, generator)
+    return map_matching.follow_ground(nodes, begin, SURE, ground, PARAMETERS, generator)
 
 
 def error_m(poses: F64, truth: F64) -> float:
@@ -111,7 +105,7 @@ def test_the_same_seed_gives_the_same_walk() -> None:
 
 def test_gaps_are_distances_to_the_ground_up_to_the_reach() -> None:
     ground = FloorGrid(np.ones((10, 10), dtype=bool), np.zeros(2), 0.1)
-    gaps = gaps_of(ground, 0.6)
+    gaps = map_matching.gaps_of(ground, 0.6)
     npt.assert_allclose(gaps.at(np.array([[0.5, 0.5], [1.35, 0.5], [9.0, 0.5]])), [0, 0.4, 0.6])
 
 
@@ -121,7 +115,7 @@ def test_a_trajectory_takes_its_poses_from_the_plan() -> None:
     count = len(nodes.t_s)
     nothing = np.zeros((count, 3, 3))
     before = Trajectory(nodes.t_s, nodes.world_from_body, nothing, np.zeros(2), "NO_CLOSURES")
-    after = followed_trajectory(before, found)
+    after = map_matching.followed_trajectory(before, found)
     npt.assert_array_equal(after.world_from_body, found.poses)
     npt.assert_array_equal(after.covariance, found.covariance)
     assert after.status == "OK"

@@ -1,7 +1,5 @@
 """Slotted medium access: whose slots are, and how others are heard, on planted sounds."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 
@@ -9,36 +7,26 @@ import numpy as np
 import pytest
 
 from elfslam.base.arrays import F32
+from elfslam.stages import medium_access
 from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.stages.echo import matched_envelope
-from elfslam.stages.medium_access import (
-    CarrierSense,
-    MediumAccessParameters,
-    Slot,
-    SlotSchedule,
-    after_slot,
-    hear_slot,
-    initial_schedule,
-    is_played,
-    spoiled_frames,
-)
+from elfslam.stages.medium_access import Slot, SlotSchedule, after_slot, hear_slot, is_played
 
 RATE_HZ = 44_100
-PARAMETERS = MediumAccessParameters()
+PARAMETERS = medium_access.MediumAccessParameters()
 CHIRP = make_chirp(ChirpParameters(), RATE_HZ)
 
 
 def lone(slots: int) -> SlotSchedule:
-    schedule = initial_schedule(PARAMETERS)
+    schedule = medium_access.initial_schedule(PARAMETERS)
     for slot in range(slots):
         schedule = after_slot(schedule, slot, (), 0.5, PARAMETERS, played=True)
     return schedule
 
 
 def test_one_listens_first_and_alone_has_every_slot() -> None:
-    assert not any(
-        is_played(lone(PARAMETERS.listen - 1), slot, 0.99, PARAMETERS) for slot in range(8)
-    )
+    early = lone(PARAMETERS.listen - 1)
+    assert not any(is_played(early, slot, 0.99, PARAMETERS) for slot in range(8))
     assert all(is_played(lone(PARAMETERS.listen), slot, 0.5, PARAMETERS) for slot in range(99))
 
 
@@ -56,14 +44,8 @@ def test_a_newcomer_who_was_not_heard_coming_is_heard_in_the_end() -> None:
             played[slot, k] = is_played(schedule[k], slot, generator.uniform(), PARAMETERS)
         for k in range(2):
             heard = [0.0] * int(played[slot, 1 - k] and not played[slot, k])
-            schedule[k] = after_slot(
-                schedule[k],
-                slot,
-                heard,
-                generator.uniform(),
-                PARAMETERS,
-                played=bool(played[slot, k]),
-            )
+            given = schedule[k], slot, heard, generator.uniform(), PARAMETERS
+            schedule[k] = after_slot(*given, played=bool(played[slot, k]))
     late = played[500:]
     assert late.all(axis=1).mean() < 0.1
     assert late.mean(axis=0).min() > 0.25
@@ -75,9 +57,7 @@ def test_a_disputed_slot_is_given_up_sooner_by_who_has_more() -> None:
     for own in (1, 4, 8):
         mine = tuple(k < own for k in range(8))
         schedule = SlotSchedule(mine, (3,) * 8, (0,) * 8, 5)
-        kept = [
-            after_slot(schedule, 0, [0.01], draw, PARAMETERS, played=True).mine[0] for draw in draws
-        ]
+        kept = [after_slot(schedule, 0, [0.01], x, PARAMETERS, played=True).mine[0] for x in draws]
         shares.append(1 - np.mean(kept))
     np.testing.assert_allclose(shares, [1 / 1.5, 4 / 4.5, 8 / 8.5], atol=0.002)
 
@@ -87,9 +67,7 @@ def test_a_free_slot_is_taken_sooner_by_who_has_fewer() -> None:
     for own in (0, 3):
         mine = tuple(0 < k <= own for k in range(8))
         schedule = SlotSchedule(mine, (1,) * 8, (0,) * 8, 5)
-        taken = [
-            after_slot(schedule, 0, (), draw, PARAMETERS, played=False).mine[0] for draw in draws
-        ]
+        taken = [after_slot(schedule, 0, (), x, PARAMETERS, played=False).mine[0] for x in draws]
         assert np.mean(taken) == pytest.approx(PARAMETERS.claim / (1 + own), abs=0.002)
         too_early = replace(schedule, quiet=(0,) * 8)
         assert not after_slot(too_early, 0, (), 0.06, PARAMETERS, played=False).mine[0]
@@ -111,16 +89,15 @@ def test_a_new_slot_is_checked_often_and_a_sure_one_seldom() -> None:
 def test_slots_move_towards_those_of_others() -> None:
     schedule = lone(20)
     for slot in range(20, 60):
-        schedule = after_slot(
-            schedule, slot, [0.02 - schedule.shift_s], 0.5, PARAMETERS, played=False
-        )
+        away_s = 0.02 - schedule.shift_s
+        schedule = after_slot(schedule, slot, [away_s], 0.5, PARAMETERS, played=False)
     assert schedule.shift_s == pytest.approx(0.02, abs=0.003)
 
 
 def rounds_of(phones: int, seed: int, slots: int = 1500) -> np.ndarray:
     """Phones with one clock that hear each other only while silent: who chirped (slots, phones)."""
     generator = np.random.default_rng(seed)
-    schedule = [initial_schedule(PARAMETERS)] * phones
+    schedule = [medium_access.initial_schedule(PARAMETERS)] * phones
     played = np.zeros((slots, phones), dtype=bool)
     delay = 4
     for slot in range(slots):
@@ -159,7 +136,7 @@ def test_others_are_heard_in_silence_and_their_echoes_are_none() -> None:
     planted = {own: 0.2, own + 900: 0.03, other: 0.01, other + 300: 0.004, 16_000: 0.006}
     envelope = matched_envelope(sound(planted, 0.6), CHIRP)
     slots = [Slot(7_800, 12_210, own, None), Slot(12_210, 16_620, None, None)]
-    first, listening = hear_slot(CarrierSense(), envelope, 0, slots[0], PARAMETERS)
+    first, listening = hear_slot(medium_access.CarrierSense(), envelope, 0, slots[0], PARAMETERS)
     second, listening = hear_slot(listening, envelope, 0, slots[1], PARAMETERS)
     third, _ = hear_slot(listening, envelope, 0, Slot(16_620, 21_030, None, None), PARAMETERS)
     assert np.abs(np.array(first) - other).tolist() <= [16]
@@ -173,7 +150,7 @@ def test_noise_behind_lost_sound_is_nobody() -> None:
     noisy += 3e-3 * np.random.default_rng(3).standard_normal(len(noisy)).astype(np.float32)
     noisy[own[1] - 2_600 : own[1] - 100] = 0
     envelope = matched_envelope(noisy, CHIRP)
-    listening = CarrierSense()
+    listening = medium_access.CarrierSense()
     for due, following in pairwise(own):
         slot = Slot(due - 1_000, due + 3_410, due, following)
         others, listening = hear_slot(listening, envelope, 0, slot, PARAMETERS)
@@ -188,9 +165,16 @@ def test_frames_that_others_chirped_into_are_told() -> None:
     spoiled = {9: 1_200, 17: 2_100, 26: 600, 33: -500}
     planted |= {own[k] + shift: 0.012 for k, shift in spoiled.items()}
     envelope = matched_envelope(sound(planted, 4.4), CHIRP)
-    found = spoiled_frames(envelope, np.array(own), PARAMETERS)
+    found = medium_access.spoiled_frames(envelope, np.array(own), PARAMETERS)
     assert np.flatnonzero(found).tolist() == sorted(spoiled)
 
 
 def test_no_frames_are_not_spoiled() -> None:
-    assert len(spoiled_frames(np.zeros(100, dtype=np.float32), np.array([], int), PARAMETERS)) == 0
+    assert (
+        len(
+            medium_access.spoiled_frames(
+                np.zeros(100, dtype=np.float32), np.array([], int), PARAMETERS
+            )
+        )
+        == 0
+    )

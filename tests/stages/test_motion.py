@@ -1,7 +1,5 @@
 """Dead reckoning on planted walks: every step, turn and length is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import islice
 
@@ -13,25 +11,14 @@ from elfslam.base.errors import InputError
 from elfslam.base.geometry import between, compose, interpolate_poses, wrap_angle
 from elfslam.base.values import Imu, Odometry
 from elfslam.data.mall import read_walk, walks_in
-from elfslam.stages.motion import (
-    MotionParameters,
-    calibrated,
-    calibrated_by_distance,
-    dead_reckon,
-    find_footsteps,
-    nodes_by_distance,
-)
-from elfslam.stages.motion.level import (
-    evenly_sampled,
-    level,
-    offset_by_gravity,
-    rate_of,
-    still_bias,
-)
+from elfslam.stages import motion
+from elfslam.stages.motion import calibrated, dead_reckon, find_footsteps, nodes_by_distance
+from elfslam.stages.motion import level as levelling
+from elfslam.stages.motion.level import level, offset_by_gravity, rate_of, still_bias
 from elfslam.stages.motion.reckoning import lengths_between, smooth_heading
 from elfslam.world.simulate import load_world, simulate
 
-PARAMETERS = MotionParameters()
+PARAMETERS = motion.MotionParameters()
 TILTED = Rotation.from_euler("xyz", [35, -20, 50], degrees=True)
 LEVEL = Rotation.identity()
 BY_BOUNCE = replace(PARAMETERS, walk_ratio_sigma=10.0)
@@ -222,17 +209,15 @@ def test_steps_are_as_long_at_any_rate_and_tilt(rate_hz, pitch_deg):
 def test_a_pause_is_no_long_step():
     imu, pause_s = walk(40), 5.0
     footsteps = find_footsteps(imu, PARAMETERS)
-    later = footsteps + pause_s * (np.arange(len(footsteps)) >= 20)
-    usual, paused = (
-        lengths_between(level(imu, PARAMETERS), t_s, PARAMETERS) for t_s in (footsteps, later)
-    )
+    both = footsteps, footsteps + pause_s * (np.arange(len(footsteps)) >= 20)
+    usual, paused = (lengths_between(level(imu, PARAMETERS), t_s, PARAMETERS) for t_s in both)
     assert paused[19] == PARAMETERS.pause_length_m
     assert paused[:18] == pytest.approx(usual[:18], rel=0.01)
 
 
 def test_a_walker_is_calibrated_by_a_known_distance():
     short, long = walk(40), square(20)
-    taught = calibrated_by_distance(short, 39 * 0.8, PARAMETERS)
+    taught = motion.calibrated_by_distance(short, 39 * 0.8, PARAMETERS)
     assert taught.step_scale_sigma == 0.02
     moves_m = np.diff(dead_reckon(long, taught).world_from_body[:, :2], axis=0)
     assert np.linalg.norm(moves_m, axis=1).mean() == pytest.approx(0.8, rel=0.02)
@@ -250,13 +235,11 @@ def test_an_impossible_calibration_is_refused(wrong):
     with pytest.raises(InputError, match="wanted more than 0"):
         calibrated(PARAMETERS, wrong)
     with pytest.raises(InputError, match="wanted more than 0"):
-        calibrated_by_distance(walk(40), wrong, PARAMETERS)
+        motion.calibrated_by_distance(walk(40), wrong, PARAMETERS)
 
 
 def test_turning_the_phone_in_its_mounting_changes_nothing():
-    level, tilted = (
-        dead_reckon(square(15, mounting=mounting), PARAMETERS) for mounting in (LEVEL, TILTED)
-    )
+    level, tilted = (dead_reckon(square(15, mounting=by), PARAMETERS) for by in (LEVEL, TILTED))
     assert tilted.t_s == pytest.approx(level.t_s, abs=1e-6)
     assert tilted.world_from_body == pytest.approx(level.world_from_body, abs=1e-6)
 
@@ -316,7 +299,7 @@ def test_a_recording_that_begins_in_mid_walk_begins_at_the_start_pose():
 def test_rest_reveals_the_gyroscope_bias():
     bias = (0.01, -0.02, 0.015)
     imu = walk(60, mounting=TILTED, bias_radps=bias)
-    t_s, accel, gyro = evenly_sampled(imu)
+    t_s, accel, gyro = levelling.evenly_sampled(imu)
     found = still_bias(accel, gyro, rate_of(t_s), PARAMETERS)
     assert found == pytest.approx(np.array(bias), abs=0.002)
     heading_rad = smooth_heading(level(imu, PARAMETERS), PARAMETERS)

@@ -1,7 +1,5 @@
 """Short walks are found by their shape and by what they sound like."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -44,9 +42,7 @@ def located(poses: F64, floor_map: FloorMap, scale: float = 1.0) -> Fixes:
 
 
 @pytest.mark.parametrize("scale", [1.0, 0.9, 1.1])
-def test_a_walk_is_found_wherever_its_reckoning_starts_and_however_long_its_steps(
-    scale: float,
-) -> None:
+def test_a_walk_is_found_wherever_it_starts_and_however_long_its_steps(scale: float) -> None:
     floor_map, poses = made_map(loop(0.14)), loop(STEP_M)
     fixes = located(poses, floor_map, scale)
     npt.assert_array_equal(fixes.status, FixStatus.OK)
@@ -58,10 +54,8 @@ def test_a_walk_is_found_wherever_its_reckoning_starts_and_however_long_its_step
 def test_moving_the_map_moves_the_fixes_and_leaves_every_covariance(by_m: list[float]) -> None:
     floor_map, poses = made_map(loop(0.14)), loop(STEP_M)
     far = dataclasses.replace(floor_map, xy_m=floor_map.xy_m + by_m)
-    here, there = (
-        locate_by_segments(walked(poses), heard(poses, floor_map), each, PARAMETERS)
-        for each in (floor_map, far)
-    )
+    nodes, scores = walked(poses), heard(poses, floor_map)
+    here, there = (locate_by_segments(nodes, scores, each, PARAMETERS) for each in (floor_map, far))
     npt.assert_allclose(there.xy_m - by_m, here.xy_m, atol=1e-6)
     npt.assert_allclose(there.covariance_m2, here.covariance_m2, atol=1e-6)
 

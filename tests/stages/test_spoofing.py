@@ -1,7 +1,5 @@
 """Frames are odd for what is planted in them, and enough of them make a stretch suspect."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -10,21 +8,13 @@ import pytest
 
 from elfslam.base.arrays import F64
 from elfslam.base.values import ECHO_SAMPLES, Echoes, FrameFacts
-from elfslam.stages.spoofing import (
-    REASONS,
-    SpoofingParameters,
-    heard_chirps,
-    judge,
-    loudness,
-    odd_frames,
-    off_time_s,
-)
+from elfslam.stages import spoofing
 
-PARAMETERS = SpoofingParameters()
+PARAMETERS = spoofing.SpoofingParameters()
 COUNT = 60
 PERIOD_S = 0.1
 LEVEL = 0.2
-LATE, EARLY, LOUD, NOISE, CLIPPED, LAGGING = range(1, len(REASONS))
+LATE, EARLY, LOUD, NOISE, CLIPPED, LAGGING = range(1, len(spoofing.REASONS))
 
 
 def quiet() -> tuple[FrameFacts, Echoes]:
@@ -53,12 +43,12 @@ EDGES_S = np.arange(0.0, COUNT * PERIOD_S, 0.5)
 
 
 def test_nothing_odd_is_not_suspect() -> None:
-    npt.assert_array_equal(judge(*quiet(), EDGES_S, PARAMETERS), 0)
+    npt.assert_array_equal(spoofing.judge(*quiet(), EDGES_S, PARAMETERS), 0)
 
 
 @pytest.mark.parametrize("reason", range(1, LAGGING))
 def test_what_is_planted_is_the_reason_and_is_forgotten(reason: int) -> None:
-    found = judge(*planted(reason, slice(20, 40)), EDGES_S, PARAMETERS)
+    found = spoofing.judge(*planted(reason, slice(20, 40)), EDGES_S, PARAMETERS)
     ends_s = EDGES_S[1:]
     npt.assert_array_equal(found[ends_s <= 2.0], 0)
     npt.assert_array_equal(found[(ends_s >= 3.0) & (ends_s <= 4.5)], reason)
@@ -66,21 +56,21 @@ def test_what_is_planted_is_the_reason_and_is_forgotten(reason: int) -> None:
 
 
 def test_a_few_odd_frames_are_forgiven() -> None:
-    assert not judge(*planted(EARLY, slice(20, 25)), EDGES_S, PARAMETERS).any()
-    assert judge(*planted(EARLY, slice(20, 28)), EDGES_S, PARAMETERS).any()
+    assert not spoofing.judge(*planted(EARLY, slice(20, 25)), EDGES_S, PARAMETERS).any()
+    assert spoofing.judge(*planted(EARLY, slice(20, 28)), EDGES_S, PARAMETERS).any()
 
 
 def test_few_frames_are_not_judged() -> None:
-    found = judge(*planted(NOISE, slice(0, COUNT)), np.array([0.0, 0.5, 1.0]), PARAMETERS)
+    found = spoofing.judge(*planted(NOISE, slice(0, COUNT)), np.array([0.0, 0.5, 1.0]), PARAMETERS)
     assert found.tolist() == [0, NOISE]
 
 
 def test_an_arrival_off_its_time_is_odd_and_a_slow_clock_is_not() -> None:
     facts, _ = quiet()
     drifting = facts.late_s + 4e-5 * facts.t_due_s
-    assert off_time_s(replace(facts, late_s=drifting)).max() < 1e-4
+    assert spoofing.off_time_s(replace(facts, late_s=drifting)).max() < 1e-4
     jumped = facts.late_s + np.where(np.arange(COUNT) == 30, 0.01, 0.0)
-    off_s = off_time_s(replace(facts, late_s=jumped))
+    off_s = spoofing.off_time_s(replace(facts, late_s=jumped))
     assert off_s[30] == pytest.approx(0.01)
     assert np.delete(off_s, 30).max() < 1e-9
 
@@ -89,24 +79,24 @@ def test_sound_that_comes_later_from_now_on_is_no_attack() -> None:
     """A browser may drop or insert a block of sound: all that follows is off by as much."""
     facts, echoes = quiet()
     moved = replace(facts, late_s=facts.late_s + np.where(np.arange(COUNT) >= 30, 0.01, 0.0))
-    assert (off_time_s(moved) > PARAMETERS.off_time_s).sum() == 4
-    assert not judge(moved, echoes, EDGES_S, PARAMETERS).any()
+    assert (spoofing.off_time_s(moved) > PARAMETERS.off_time_s).sum() == 4
+    assert not spoofing.judge(moved, echoes, EDGES_S, PARAMETERS).any()
 
 
 def test_loudness_is_that_of_the_band_beside_the_direct_sound() -> None:
     facts, echoes = quiet()
-    npt.assert_allclose(loudness(facts, echoes), 0.01, rtol=0.01)
+    npt.assert_allclose(spoofing.loudness(facts, echoes), 0.01, rtol=0.01)
     hum = 0.05 * np.sin(2 * np.pi * 300 / 44_100 * np.arange(ECHO_SAMPLES)).astype(np.float32)
     humming = replace(echoes, samples=echoes.samples + hum)
-    npt.assert_allclose(loudness(facts, humming), 0.01, rtol=0.01)
+    npt.assert_allclose(spoofing.loudness(facts, humming), 0.01, rtol=0.01)
     some = Echoes(echoes.t_s[::2], echoes.samples[::2], np.zeros((0, 2)))
-    heard = loudness(facts, some)
+    heard = spoofing.loudness(facts, some)
     npt.assert_allclose(heard[::2], 0.01, rtol=0.01)
     npt.assert_array_equal(heard[1::2], 0.0)
 
 
 def test_each_way_to_be_odd_has_its_reason() -> None:
-    assert odd_frames(*quiet(), PARAMETERS).shape == (COUNT, LAGGING - 1)
+    assert spoofing.odd_frames(*quiet(), PARAMETERS).shape == (COUNT, LAGGING - 1)
 
 
 GAIN_DB = np.where(np.random.default_rng(5).uniform(size=COUNT) < 0.5, -4.0, 0.0)
@@ -126,20 +116,19 @@ def by_chance(
     power = (gain * flutter) ** 2
     power[frames] += added * gain[frames] ** (2 * follows)
     samples = 0.1 * echoes.samples * np.sqrt(power)[:, None].astype(np.float32)
-    return replace(facts, level=facts.level * gain, gain_db=GAIN_DB), replace(
-        echoes, samples=samples
-    )
+    heard = replace(echoes, samples=samples)
+    return replace(facts, level=facts.level * gain, gain_db=GAIN_DB), heard
 
 
 def test_echoes_that_follow_their_chirps_are_not_suspect() -> None:
-    npt.assert_array_equal(judge(*by_chance(), EDGES_S, PARAMETERS), 0)
-    npt.assert_array_equal(judge(*by_chance(1.0, follows=1), EDGES_S, PARAMETERS), 0)
+    npt.assert_array_equal(spoofing.judge(*by_chance(), EDGES_S, PARAMETERS), 0)
+    npt.assert_array_equal(spoofing.judge(*by_chance(1.0, follows=1), EDGES_S, PARAMETERS), 0)
 
 
 def suspect_s(heard: tuple[FrameFacts, Echoes]) -> F64:
     """When echoes are said to lag, looked at ten times a second; nothing else is said."""
     edges_s = PERIOD_S * np.arange(COUNT + 1)
-    found = judge(*heard, edges_s, PARAMETERS)
+    found = spoofing.judge(*heard, edges_s, PARAMETERS)
     assert set(found.tolist()) <= {0, LAGGING}
     return edges_s[1:][found == LAGGING]
 
@@ -169,7 +158,7 @@ def test_nobody_is_suspected_without_loudness_without_change_or_in_a_flutter() -
     alike = replace(facts, gain_db=np.full(COUNT, -4.0))
     fluttering = by_chance(0.3, flutter_db=12.0)
     for heard in ((silent, echoes), (alike, echoes), fluttering):
-        npt.assert_array_equal(judge(*heard, EDGES_S, PARAMETERS), 0)
+        npt.assert_array_equal(spoofing.judge(*heard, EDGES_S, PARAMETERS), 0)
 
 
 def test_loudness_is_compared_among_clean_echoes_alone() -> None:
@@ -180,9 +169,9 @@ def test_loudness_is_compared_among_clean_echoes_alone() -> None:
     among = replace(echoes, samples=samples)
     kept = ~spoiled
     clean = Echoes(echoes.t_s[kept], echoes.samples[kept], np.zeros((0, 2)))
-    assert (judge(facts, among, EDGES_S, PARAMETERS) == LAGGING).any()
-    npt.assert_array_equal(judge(facts, among, EDGES_S, PARAMETERS, clean), 0)
-    chirps = heard_chirps(facts, clean)
+    assert (spoofing.judge(facts, among, EDGES_S, PARAMETERS) == LAGGING).any()
+    npt.assert_array_equal(spoofing.judge(facts, among, EDGES_S, PARAMETERS, clean), 0)
+    chirps = spoofing.heard_chirps(facts, clean)
     npt.assert_allclose(chirps[:, 0], facts.t_due_s[kept])
     npt.assert_allclose(chirps[:, 1], GAIN_DB[kept])
     npt.assert_allclose(chirps[:, 3:], -60, atol=2)
@@ -199,7 +188,7 @@ def test_noise_does_not_follow_either_and_does_not_count(clear_db: float) -> Non
     # Through the matched filter as much noise is less: 13 times, and 1.18 for the envelope.
     noisy = replace(facts, noise=np.full(COUNT, 1e-3 * LEVEL * 1.18 / 14))
     known = replace(PARAMETERS, clear_db=clear_db, loud_last=1.0)
-    found = judge(noisy, replace(echoes, samples=samples), EDGES_S, known)
+    found = spoofing.judge(noisy, replace(echoes, samples=samples), EDGES_S, known)
     assert (found == LAGGING).any() == (clear_db == 0)
 
 
@@ -209,5 +198,5 @@ def test_the_gain_of_a_microphone_that_follows_the_chirps_changes_nothing() -> N
         levelled = 10 ** (-0.7 * GAIN_DB / 20)
         samples = echoes.samples * levelled[:, None].astype(np.float32)
         same = replace(facts, level=facts.level * levelled), replace(echoes, samples=samples)
-        expected = judge(*heard, EDGES_S, PARAMETERS)
-        npt.assert_array_equal(judge(*same, EDGES_S, PARAMETERS), expected)
+        expected = spoofing.judge(*heard, EDGES_S, PARAMETERS)
+        npt.assert_array_equal(spoofing.judge(*same, EDGES_S, PARAMETERS), expected)

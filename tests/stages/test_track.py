@@ -1,7 +1,5 @@
 """The tracker starts anywhere, recovers, and says when it does not know."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 
@@ -60,9 +58,8 @@ def test_it_starts_anywhere_whatever_the_heading_and_the_length_of_steps(scale: 
 @pytest.mark.parametrize("by_m", [[1e3, 1e3], [5e5, 5e6]], ids=["1 km", "UTM"])
 def test_moving_the_map_moves_the_fixes_and_leaves_every_covariance(by_m: list[float]) -> None:
     far = replace(FLOOR, xy_m=FLOOR.xy_m + by_m)
-    here, there = (
-        tracker(each).follow(walked(POSES), heard(POSES, FLOOR)) for each in (FLOOR, far)
-    )
+    nodes, scores = walked(POSES), heard(POSES, FLOOR)
+    here, there = (tracker(each).follow(nodes, scores) for each in (FLOOR, far))
     npt.assert_array_equal(there.status, here.status)
     npt.assert_allclose(there.xy_m - here.xy_m, np.tile(by_m, (len(here.t_s), 1)), atol=1e-6)
     npt.assert_allclose(there.covariance_m2, here.covariance_m2, atol=1e-6)
@@ -92,13 +89,10 @@ def test_the_same_generator_gives_the_same_fixes_and_chunks_give_the_whole() -> 
     nodes, scores = walked(POSES), heard(POSES, FLOOR)
     whole = tracker(FLOOR).follow(nodes, scores)
     live = tracker(FLOOR)
-    parts = [
-        live.follow(
-            Odometry(nodes.t_s[a : b + 1], nodes.world_from_body[a : b + 1], nodes.step_sigma[a:b]),
-            scores[a:b],
-        )
-        for a, b in ((0, 1), (1, 9), (9, len(scores)))
-    ]
+    parts = []
+    for a, b in ((0, 1), (1, 9), (9, len(scores))):
+        poses, sigma = nodes.world_from_body[a : b + 1], nodes.step_sigma[a:b]
+        parts.append(live.follow(Odometry(nodes.t_s[a : b + 1], poses, sigma), scores[a:b]))
     for field in ("t_s", "xy_m", "covariance_m2", "score", "status"):
         joined = np.concatenate([getattr(part, field) for part in parts])
         npt.assert_array_equal(joined, getattr(whole, field))
@@ -205,9 +199,8 @@ def test_in_silence_each_step_adds_the_error_that_it_was_reckoned_with() -> None
     follower = Tracker(FLOOR, known, np.random.default_rng(0))
     here, scores = POSES[:8], heard(POSES[:8], FLOOR)
     before_m2 = follower.follow(walked(here), scores).covariance_m2[-1]
-    still = Odometry(
-        10.0 + np.arange(11), np.tile(OFF, (11, 1)), np.tile([0.3, 0.1, 1e-9], (10, 1))
-    )
+    here, sigma = np.tile(OFF, (11, 1)), np.tile([0.3, 0.1, 1e-9], (10, 1))
+    still = Odometry(10.0 + np.arange(11), here, sigma)
     silence = np.full((10, scores.shape[1]), np.nan, np.float32)
     after_m2 = follower.follow(still, silence).covariance_m2[-1]
     npt.assert_allclose(np.trace(after_m2 - before_m2), 10 * (0.3**2 + 0.1**2), rtol=0.15)

@@ -1,7 +1,5 @@
 """Studies take seconds to minutes each: their tests are real ones, those of single figures not."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The study of acoustic odometry in small: sound mends the scale of a walk."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How much training takes, in small: encoders are kept, and a trained start has less to lose."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -56,7 +54,7 @@ def test_an_encoder_is_trained_once(
 def test_fine_tuning_learns_from_the_first_minutes_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     given = []
 
-    def listen(encoder, echoes, known, seed, announce):  # type: ignore[no-untyped-def]
+    def listen(encoder, echoes, known, seed, announce):
         given.append(echoes)
         raise InterruptedError
 

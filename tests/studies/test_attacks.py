@@ -1,7 +1,5 @@
 """Attacks laid over a walk: what is planted arrives where it should, and the study tells of it."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.testing as npt
 import pytest
@@ -76,7 +74,6 @@ def by_chance() -> Victim:
 def test_chirps_are_softer_by_chance(walk: Walked, by_chance: Victim) -> None:
     assert walk.gain_db is None
     gain_db = by_chance.walked.gain_db
-    assert gain_db is not None
     assert set(gain_db.tolist()) == {0.0, -4.0}
     direct = by_chance.walked.played[:, None] + np.arange(20, 200)
     level_db = 20 * np.log10(by_chance.walked.own[direct].std(axis=1))
@@ -85,7 +82,6 @@ def test_chirps_are_softer_by_chance(walk: Walked, by_chance: Victim) -> None:
 
 def test_who_feels_the_chirps_is_as_loud_as_they_are(by_chance: Victim) -> None:
     victim, gain_db = by_chance, by_chance.walked.gain_db
-    assert gain_db is not None
     plain, follows = echoes_of_elsewhere(victim, 0.0), following_echoes(victim, 0.0)
     fresh = victim.walked.played[victim.walked.played >= victim.onset][:-1]
     rows = fresh[:, None] + np.arange(500, 3000)

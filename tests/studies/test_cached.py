@@ -1,7 +1,5 @@
 """Walks are simulated once: the cache gives what the simulator gives, and forgets with the code."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

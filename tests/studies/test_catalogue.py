@@ -1,7 +1,5 @@
 """Studies by name: what they are told and need, which are stale, and that a run cut off goes on."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Closures step by step, on one small walk."""
 
-from __future__ import annotations
-
 import pytest
 
 from elfslam.world.kinds import QUIET

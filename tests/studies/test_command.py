@@ -1,7 +1,5 @@
 """`python -m studies`: the table printed and written, and every bad input refused in one line."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The study of contention: fixes from sparse echoes, and a small run: what slots are worth."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from elfslam.stages.locate import LocateParameters

@@ -1,7 +1,5 @@
 """Phones in one room hear each other when and as loud as distances say."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

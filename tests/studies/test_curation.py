@@ -1,7 +1,5 @@
 """Closures: planted lines are found, everything else is not."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 

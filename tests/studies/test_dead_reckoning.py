@@ -1,7 +1,5 @@
 """The study of dead reckoning on a few short walks."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -83,7 +81,7 @@ def test_every_way_is_measured_on_floors(
     records = list(study._of_floors({"A": walks[:2], "B": walks[2:]}))
     ends = [each for each in records if each.metric == "end error (%)"]
     assert len(ends) == 3 * (5 + 1 + 1)
-    assert all(one.low <= one.value <= one.high for one in ends)  # type: ignore[operator]
+    assert all(one.low <= one.value <= one.high for one in ends)
 
 
 def test_true_directions_and_length_leave_less_than_either(walks: list[ReckonedWalk]) -> None:
@@ -94,7 +92,7 @@ def test_true_directions_and_length_leave_less_than_either(walks: list[ReckonedW
     assert both < left["true direction of every leg"]
 
 
-def test_a_folder_without_walks_is_refused(tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_a_folder_without_walks_is_refused(tmp_path) -> None:
     with pytest.raises(InputError, match="holds no mall_walks"):
         dict(mall_floors(tmp_path, None, quiet))
 

@@ -1,7 +1,5 @@
 """Similarity against displacement, in small, and recall of planted places."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

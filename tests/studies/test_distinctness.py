@@ -1,7 +1,5 @@
 """The distinctness study on a few spots."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

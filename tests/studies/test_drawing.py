@@ -1,7 +1,5 @@
 """Kinds of figures: what each makes of a few planted results."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np
@@ -27,7 +25,7 @@ def test_two_metrics_of_a_condition_are_a_point(kind: str) -> None:
           for metric, value in zip("xy", xy, strict=True))
     )  # fmt: skip
     [axis] = KINDS[kind](results, drawing(kind)).axes
-    assert axis.lines[0].get_xydata().tolist() == [[1, 2], [3, 5]]  # type: ignore[union-attr]
+    assert axis.lines[0].get_xydata().tolist() == [[1, 2], [3, 5]]
 
 
 def test_traces_have_a_strip_each_and_returns_an_upright_in_all() -> None:

@@ -1,7 +1,5 @@
 """The study of known places: planted pairs, diagonals, and one short walk."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

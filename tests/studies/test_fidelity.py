@@ -1,7 +1,5 @@
 """Two engines side by side: they agree, random rooms are sound, and differences are found."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The supervised fingerprint: it learns planted spots, repeats itself and scores by hand."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Thresholds of fixes, in small: the higher, the fewer answers, here and elsewhere."""
 
-from __future__ import annotations
-
 import pytest
 
 from elfslam.base.enums import Mode

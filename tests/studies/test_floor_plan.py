@@ -1,7 +1,5 @@
 """The study of floor plans, in miniature."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

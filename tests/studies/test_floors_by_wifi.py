@@ -1,7 +1,5 @@
 """The city that benchmarks ask about: what is heard where, and that it is the same again."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.testing as npt
 

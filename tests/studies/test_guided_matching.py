@@ -1,7 +1,5 @@
 """Guided matching in miniature: ratios as planted, and further returns are found."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

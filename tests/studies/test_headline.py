@@ -1,7 +1,5 @@
 """The figures of the README in small: one table, and a planted defect turns it red."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

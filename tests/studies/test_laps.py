@@ -1,7 +1,5 @@
 """Laps of people, in small: planted features are found or not, and more laps are a longer list."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

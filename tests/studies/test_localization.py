@@ -1,7 +1,5 @@
 """The table of localization errors, small: echoes beat the baselines, and refuse another room."""
 
-from __future__ import annotations
-
 import pytest
 
 from elfslam.world.kinds import SURVEYOR

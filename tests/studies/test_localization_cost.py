@@ -1,7 +1,5 @@
 """What a fix costs, on small maps."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from studies.localization_cost import MEMORY, STUDY, grid_map, map_bytes, measure_localization_cost

@@ -1,7 +1,5 @@
 """What is counted of fixes: errors of the answered, shares, and whether sigma is honest."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -21,7 +19,7 @@ def mapped() -> tuple[Run, Truth]:
     poses = compose(MAP_FROM_WORLD, TRUE)
     nodes = Odometry(T_S, poses, np.full((len(T_S) - 1, 3), 0.1))
     trajectory = Trajectory(T_S, poses, np.zeros((len(T_S), 3, 3)), np.empty(0), "OK")
-    similarity = no_similarity(None, nodes)  # type: ignore[arg-type]
+    similarity = no_similarity(None, nodes)
     return Run("walk", nodes, similarity, NO_CLOSURES, trajectory, None, None, None), Truth(
         T_S, TRUE
     )

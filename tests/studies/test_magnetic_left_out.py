@@ -1,7 +1,5 @@
 """Magnetic closures chosen by leaving sets out: who chooses, and that the left out set does not."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from studies.magnetic_left_out import (

@@ -1,7 +1,5 @@
 """Closures aligned by their fields: a planted shift is found, what agrees nowhere is dropped."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

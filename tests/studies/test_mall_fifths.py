@@ -1,7 +1,5 @@
 """The study of held-out walks on the first few of a real floor, and without any."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

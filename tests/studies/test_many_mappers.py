@@ -1,7 +1,5 @@
 """Maps of many people, in small: on the plan, one map, and query walks are found in it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from elfslam.base.values import Fixes

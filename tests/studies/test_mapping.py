@@ -1,7 +1,5 @@
 """Mapping errors in small: echoes help, walkers differ, and errors lie where they were planted."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

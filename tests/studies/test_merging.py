@@ -1,7 +1,5 @@
 """The study of merging, small: pairs are drawn as they are called, and counted as they came out."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Noisy phones in miniature: false closures as planted, and what the correction gives back."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Studies of the page's modules in node: what a delay gives, and that echoes help a growing map."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterator
 

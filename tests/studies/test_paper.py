@@ -1,7 +1,5 @@
 """The paper's strategy, small: its errors stand beside the paper's, and it maps a recording."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The data of the paper's pictures: where the chirp is, and that curation leaves the true pairs."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from elfslam.base.values import Similarity

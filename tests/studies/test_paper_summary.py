@@ -1,7 +1,5 @@
 """The summary of the paper's page: its counts by hand, and that it is of the results that stand."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from studies.paper_summary import (

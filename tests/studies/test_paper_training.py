@@ -1,7 +1,5 @@
 """The paper's training: an encoder of simulated rooms is kept, one of a walk knows its places."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The study of walks followed through plans, in small."""
 
-from __future__ import annotations
-
 from elfslam.world.kinds import QUIET
 from studies.passages import ECHOES, GIVEN_START, MATCHED, MEDIAN, STEPS, STUDY, measure_passages
 from studies.study import StudyContext

@@ -1,7 +1,5 @@
 """Real phones beside simulated ones, in small."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 from itertools import pairwise
 from pathlib import Path

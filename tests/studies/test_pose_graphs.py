@@ -1,7 +1,5 @@
 """The study of published pose graphs, on its smallest ones."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

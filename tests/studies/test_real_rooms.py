@@ -1,7 +1,5 @@
 """The study of impulse responses: on planted ones, since the real ones are a test."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Simulated rooms beside measured ones, in small: the bands that the diffuse field has to keep."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

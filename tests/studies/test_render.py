@@ -1,7 +1,5 @@
 """Blocks of pages are made of results alone, and what differs is named."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Results as data: records become rows, rows are read again, and what is stale is found out."""
 
-from __future__ import annotations
-
 import dataclasses
 import subprocess
 from pathlib import Path

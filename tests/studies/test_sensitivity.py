@@ -1,7 +1,5 @@
 """The sensitivity of localization, small: what changes is what was asked for."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Simulated sensors beside real ones: planted statistics come out."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

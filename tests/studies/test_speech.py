@@ -1,7 +1,5 @@
 """The study of what is left of speech: on sounds like speech, and on voices where they are."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 
@@ -130,7 +128,7 @@ def tone_frames() -> object:
 
 
 def test_a_tone_of_the_band_is_moved_where_it_is_said(tone_frames: object) -> None:
-    made = shifted(tone_frames)  # type: ignore[arg-type]
+    made = shifted(tone_frames)
     for name, wanted_hz in (("up at 0 Hz", 1650), ("mirrored at 0 Hz", 4650)):
         power = np.abs(np.fft.rfft(made[name]))
         assert np.fft.rfftfreq(len(made[name]), 1 / OUT_HZ)[power.argmax()] == pytest.approx(

@@ -1,7 +1,5 @@
 """The measurement study in miniature: a few spots, classifiers that hardly learn."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

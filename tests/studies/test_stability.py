@@ -1,7 +1,5 @@
 """The stability of spectra: planted ones, and a few spots of the lab."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from studies.stability import (

@@ -1,7 +1,5 @@
 """A phone held still: how it is held, and what it hears there."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Repeats: each done once, whatever happens in between."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict

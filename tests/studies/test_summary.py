@@ -1,7 +1,5 @@
 """The README's table, of made-up results."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

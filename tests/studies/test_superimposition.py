@@ -1,7 +1,5 @@
 """Superimposition in miniature: a few spots and short walks, hardly learnt."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What taps are worth, in small: a map that was tapped lies on the plan."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Thresholds of loops: planted ratios choose the best one, and closures by it help."""
 
-from __future__ import annotations
-
 import pytest
 
 from elfslam.app.settings import Settings

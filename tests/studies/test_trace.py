@@ -1,7 +1,5 @@
 """The trace of 58 markers: planted returns, and two rounds of the lab."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

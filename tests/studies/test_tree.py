@@ -1,7 +1,5 @@
 """The page of the tree, of a planted house."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from studies.tree import first_line, tree_page

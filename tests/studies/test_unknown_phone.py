@@ -1,7 +1,5 @@
 """Unknown phones in miniature."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from elfslam.world.kinds import QUIET

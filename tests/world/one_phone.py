@@ -1,7 +1,5 @@
 """One phone in a room for the tests of echoes: where it is, what it hears, and what that says."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -39,9 +37,8 @@ def ends_at(
     """One phone; it looks upward unless told, and so has no holder behind it."""
     still = np.zeros(3) if velocity_mps is None else velocity_mps
     rows = [np.array(row, dtype=float)[None] for row in (speaker_m, microphone_m, axis, axis)]
-    return Transducers(
-        *rows, np.array([ahead]), still[None], still[None], directivity, directivity, held
-    )
+    turned, lobed = np.array([ahead]), (directivity, directivity)
+    return Transducers(*rows, turned, still[None], still[None], *lobed, held)
 
 
 def heard(

@@ -1,7 +1,5 @@
 """Worlds that come along; a room with a table, a lamp above the floor, and blocks at random."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Echo synthesis: planted paths at their delay and level, what hides them, and laws."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 
@@ -41,16 +39,6 @@ WALLS = tuple(
 DEEP = Reach(order=4, plan_order=4, block_order=4, beside_block=4)
 
 
-# --- walls ---
-
-
-@pytest.mark.parametrize("distance_m", [0.4, 0.9, 2.5, 6.5])
-def test_the_direct_sound_comes_after_its_way(distance_m: float) -> None:
-    speaker_m = np.array([0.2, 2.0, 1.0])
-    response = heard(dead_room(), ends_at(speaker_m, speaker_m + distance_m * X))
-    assert_one_path(response, distance_m, 1.0)
-
-
 def naive_envelope(ends: Transducers, reach: Reach) -> C128:
     """Allen and Berkley's sum over images (1979), each pulse laid down by plain arithmetic."""
     out, table = np.zeros(BAND_BINS + 2 * TAPS, dtype=np.complex128), pulse_table()
@@ -69,9 +57,8 @@ def naive_envelope(ends: Transducers, reach: Reach) -> C128:
             gain = np.prod(near ** np.abs(away - flip) * far ** np.abs(away)) / length
             gain *= np.exp(-AIR.attenuation_per_m * length)
             b = ends.speaker_directivity
-            gain *= (1 - b + b * (s_axis @ (-sign * way)) / length) * (
-                1 - b + b * (m_axis @ way) / length
-            )
+            gain *= 1 - b + b * (s_axis @ (-sign * way)) / length
+            gain *= 1 - b + b * (m_axis @ way) / length
             delay = length / AIR.speed_mps
             whole, part = divmod(delay * BASEBAND_HZ, 1.0)
             pulse = table[int(part * PHASES + 0.5)] * np.exp(-2j * np.pi * CARRIER_HZ * delay)
@@ -95,9 +82,6 @@ def test_nothing_is_heard_beyond_the_longest_path() -> None:
     ends = ends_at(np.array([1.0, 2.5, 1.5]), np.array([1.0, 2.6, 1.5]), held=True)
     assert np.abs(heard(hall, ends, reach=Reach(longest_m=20.1))).max() > 0
     assert not heard(hall, ends, reach=Reach(longest_m=19.9)).any()
-
-
-# --- blocks ---
 
 
 def test_what_stands_between_hides_and_what_is_lower_does_not() -> None:
@@ -147,9 +131,6 @@ def test_a_table_hides_the_floor_below_it() -> None:
     assert not heard(covered, ends).any()
 
 
-# --- small things ---
-
-
 def scatterer(point_m: F64, radius_m: float, normal: F64 = -X) -> Scene:
     return scene_of(dead_room())._replace(
         point=np.array([point_m]), point_normal=normal[None], point_radius=np.array([radius_m])
@@ -186,9 +167,6 @@ def test_a_person_reflects_like_a_cylinder() -> None:
     gap_m = 2.0 - PERSON_RADIUS_M
     curved = 1 / np.sqrt(1 + gap_m / PERSON_RADIUS_M)
     assert_one_path(response, 2 * gap_m - 0.01, PERSON_REFLECTION * curved, rel=0.02)
-
-
-# --- laws ---
 
 
 def furnished(turn_rad: float = 0.0) -> Room:
@@ -242,12 +220,8 @@ def test_speaker_and_microphone_may_change_places(seed: int) -> None:
 def test_a_turned_world_sounds_the_same(seed: int, turn_rad: float) -> None:
     one, other, axis, _ = drawn(seed)
     here = ends_at(one + ORIGIN_M, other + ORIGIN_M, axis=axis, directivity=0.3)
-    there = ends_at(
-        turned(one, turn_rad) + ORIGIN_M,
-        turned(other, turn_rad) + ORIGIN_M,
-        axis=turned(axis, turn_rad),
-        directivity=0.3,
-    )
+    one, other = (turned(place, turn_rad) + ORIGIN_M for place in (one, other))
+    there = ends_at(one, other, axis=turned(axis, turn_rad), directivity=0.3)
     before = heard(PLAIN_SCENE, here, reach=DEEP)
     after = heard(furnished(turn_rad), there, reach=DEEP)
     assert np.linalg.norm(before - after) <= 1e-5 * np.linalg.norm(before)

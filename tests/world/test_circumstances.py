@@ -1,7 +1,5 @@
 """Circumstances: each one changes what it says, reproducibly, and nothing else."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 
 import numpy as np
@@ -10,27 +8,8 @@ import pytest
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.stages.acoustic_odometry import AcousticOdometryParameters
-from elfslam.world.circumstances import (
-    DRAWN_C,
-    ENGINES,
-    INDOORS_C,
-    KEEP_AWAY_M,
-    LOW_FURNITURE_M,
-    MOVED_M,
-    MOVED_PER_DAY,
-    MOVED_RAD,
-    OFF_C,
-    SOUNDS,
-    WARMTH_C,
-    Circumstances,
-    air_on,
-    device_of,
-    engine_of,
-    parse_sounds,
-    reach_of,
-    room_on,
-    whereabouts,
-)
+from elfslam.world import circumstances
+from elfslam.world.circumstances import DRAWN_C, Circumstances, air_on, room_on, whereabouts
 from elfslam.world.device import BAND_BINS, Device, built_in_device
 from elfslam.world.materials import material
 from elfslam.world.phone import air_at, ends_of, poses_at
@@ -47,10 +26,8 @@ def hall(count: int = 300) -> World:
     """A hall of 20 by 14 m: `count` stools and desks, a cupboard, a partition and a wall stool."""
     generator = np.random.default_rng(0)
     places = generator.uniform([1.0, 1.0], [18.0, 12.0], (count, 2))
-    blocks = [
-        box(f"stool {k}", np.append(place, 0.0), np.array([0.4, 0.4, 0.5]))
-        for k, place in enumerate(places)
-    ]
+    size_m = np.array([0.4, 0.4, 0.5])
+    blocks = [box(f"stool {k}", np.append(at, 0.0), size_m) for k, at in enumerate(places)]
     blocks += [
         box("cupboard", np.array([1.0, 13.0, 0.0]), np.array([1.0, 0.5, 2.0])),
         box("screen", np.array([5.0, 5.0, 0.0]), np.array([3.0, 0.1, 1.2]), clutter_per_m2=0.0),
@@ -82,23 +59,24 @@ def moves(before: Room, after: Room) -> list[tuple[Block, F64, float]]:
     ]
 
 
-# --- furniture ---
-
-
 @pytest.mark.parametrize("day", [1, 7, 14, 30])
 def test_more_has_been_moved_on_later_days(world: World, day: int) -> None:
     share = len(moves(world.room, room_on(world, Circumstances(day=day)))) / 300
-    expected = min(day * MOVED_PER_DAY, 0.5)
+    expected = min(day * circumstances.MOVED_PER_DAY, 0.5)
     assert share == pytest.approx(expected, abs=4 * np.sqrt(expected * (1 - expected) / 300))
 
 
 def test_what_moves_is_low_furniture_and_it_moves_by_little(world: World) -> None:
     room = room_on(world, Circumstances(day=30))
     moved = moves(world.room, room)
-    assert all(block.top_m <= LOW_FURNITURE_M and block.clutter_per_m2 > 0 for block, _, _ in moved)
+    assert all(
+        block.top_m <= circumstances.LOW_FURNITURE_M and block.clutter_per_m2 > 0
+        for block, _, _ in moved
+    )
     shift = np.array([shift for _, shift, _ in moved])
-    assert shift.std() == pytest.approx(MOVED_M, rel=0.15)
-    assert np.std([turn for _, _, turn in moved]) == pytest.approx(MOVED_RAD, rel=0.15)
+    assert shift.std() == pytest.approx(circumstances.MOVED_M, rel=0.15)
+    turns_rad = [turn for _, _, turn in moved]
+    assert np.std(turns_rad) == pytest.approx(circumstances.MOVED_RAD, rel=0.15)
     for before, after in zip(world.room.blocks, room.blocks, strict=True):
         same = replace(after, centre_m=before.centre_m, turn_rad=before.turn_rad)
         assert [repr(getattr(same, item.name)) for item in fields(Block)] == [
@@ -123,12 +101,11 @@ def test_a_state_is_the_worlds() -> None:
     studio = load_world("studio")
     moved = room_on(studio, Circumstances(state="moved"))
     assert moved is studio.states["moved"]
-    since = [
-        moves(moved, room_on(studio, Circumstances(state="moved", day=day)))
-        for day in range(30, 40)
-    ]
+    days = (Circumstances(state="moved", day=day) for day in range(30, 40))
+    since = [moves(moved, room_on(studio, day)) for day in days]
     assert 0 < sum(map(len, since)) <= 10 * 4
-    assert max(np.linalg.norm(shift) for day in since for _, shift, _ in day) < 5 * MOVED_M
+    shifts_m = [np.linalg.norm(shift) for day in since for _, shift, _ in day]
+    assert max(shifts_m) < 5 * circumstances.MOVED_M
 
 
 def test_an_unknown_state_is_refused_with_the_known_ones(world: World) -> None:
@@ -138,14 +115,11 @@ def test_an_unknown_state_is_refused_with_the_known_ones(world: World) -> None:
         room_on(world, Circumstances(state="flooded"))
 
 
-# --- air ---
-
-
 def test_the_air_is_warmer_or_colder_on_other_days(world: World) -> None:
     speed = np.array([air_on(world, day).speed_mps for day in range(1, 400)])
     per_degree = speed_of_sound_mps(25.0) - speed_of_sound_mps(24.0)
     assert (speed.mean() - speed_of_sound_mps(24.0)) / per_degree == pytest.approx(0, abs=0.3)
-    assert speed.std() / per_degree == pytest.approx(WARMTH_C, rel=0.15)
+    assert speed.std() / per_degree == pytest.approx(circumstances.WARMTH_C, rel=0.15)
     assert air_on(world, 5) == air_on(hall(), 5) != air_on(world, 6)
 
 
@@ -168,13 +142,13 @@ def test_where_nothing_is_told_the_world_is_as_warm_as_the_line_assumes() -> Non
 def test_lived_in_rooms_are_never_as_warm_as_the_line_assumes() -> None:
     """From the first day on, as warm as people like it, and a little different every day."""
     first = [celsius(air_on(seeded(seed, None), 0, lived_in=True)) for seed in range(300)]
-    assert min(first) == pytest.approx(INDOORS_C[0])
-    assert max(first) == pytest.approx(INDOORS_C[1])
-    assert np.mean(first) == pytest.approx(np.mean(INDOORS_C), abs=0.5)
-    assert min(abs(warmth - DRAWN_C) for warmth in first) >= OFF_C - 1e-9
+    assert min(first) == pytest.approx(circumstances.INDOORS_C[0])
+    assert max(first) == pytest.approx(circumstances.INDOORS_C[1])
+    assert np.mean(first) == pytest.approx(np.mean(circumstances.INDOORS_C), abs=0.5)
+    assert min(abs(warmth - DRAWN_C) for warmth in first) >= circumstances.OFF_C - 1e-9
     days = [celsius(air_on(seeded(4, None), day, lived_in=True)) for day in range(60)]
     assert len(set(days)) > 40
-    assert np.std(days) < 2 * WARMTH_C
+    assert np.std(days) < 2 * circumstances.WARMTH_C
     assert air_on(seeded(4, None), 7, lived_in=True) == air_on(seeded(4, None), 7, lived_in=True)
 
 
@@ -182,38 +156,31 @@ def test_lived_in_rooms_are_about_as_warm_as_they_are_told_to_be() -> None:
     for told_c in (-5.0, DRAWN_C, 24.0):
         days = [celsius(air_on(seeded(1, told_c), day, lived_in=True)) for day in range(300)]
         assert np.mean(days) == pytest.approx(told_c, abs=0.3)
-        assert np.std(days) == pytest.approx(WARMTH_C, rel=0.15)
-        assert min(abs(warmth - DRAWN_C) for warmth in days) >= OFF_C - 1e-9
-
-
-# --- phone ---
+        assert np.std(days) == pytest.approx(circumstances.WARMTH_C, rel=0.15)
+        assert min(abs(warmth - DRAWN_C) for warmth in days) >= circumstances.OFF_C - 1e-9
 
 
 def test_the_volume_scales_all_that_is_played() -> None:
-    full, low = (device_of(Circumstances(volume=volume)) for volume in (1.0, 0.25))
+    full, low = (circumstances.device_of(Circumstances(volume=volume)) for volume in (1.0, 0.25))
     assert low.level == pytest.approx(0.25 * full.level)
     for item in fields(Device):
         if item.name != "level":
             assert repr(getattr(low, item.name)) == repr(getattr(full, item.name))
 
 
-# --- engine ---
-
-
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", circumstances.ENGINES)
 def test_every_engine_hears_the_room(engine: str) -> None:
     today = Circumstances(engine=engine)
     studio = load_world("studio")
     room = room_on(studio, today)
     poses = poses_at(np.append(studio.route_m[:1], [[1.2]], axis=1), np.zeros(1), np.full(1, 0.4))
     ends = ends_of(built_in_device("flat"), poses)
-    extract_echoes = engine_of(today, room, 1)
-    heard = extract_echoes(scene_of(room), ends, poses.people_m, air_at(), reach_of(today))
+    extract_echoes = circumstances.engine_of(today, room, 1)
+    reach = circumstances.reach_of(today)
+    heard = extract_echoes(scene_of(room), ends, poses.people_m, air_at(), reach)
     assert heard.shape == (1, BAND_BINS)
     assert np.abs(heard).max() > 0
 
-
-# --- people ---
 
 T_S = np.arange(0.0, 60.0, 0.1)
 FAR_AWAY = np.full((len(T_S), 2), 1e3)
@@ -253,11 +220,12 @@ def test_people_keep_away_from_the_phone(world: World) -> None:
     met = whereabouts(world, 20, 3, T_S, phone)
     alone = whereabouts(world, 20, 3, T_S, FAR_AWAY)
     gap = np.linalg.norm(met - phone[:, None], axis=2)
-    assert gap.min() >= KEEP_AWAY_M - 1e-9
+    assert gap.min() >= circumstances.KEEP_AWAY_M - 1e-9
     aside = (met != alone).any(axis=2)
     assert aside.any()
-    assert (aside == (np.linalg.norm(alone - phone[:, None], axis=2) < KEEP_AWAY_M)).all()
-    assert gap[aside] == pytest.approx(KEEP_AWAY_M)
+    near = np.linalg.norm(alone - phone[:, None], axis=2) < circumstances.KEEP_AWAY_M
+    assert (aside == near).all()
+    assert gap[aside] == pytest.approx(circumstances.KEEP_AWAY_M)
 
 
 def test_people_are_the_recordings(world: World) -> None:
@@ -265,9 +233,6 @@ def test_people_are_the_recordings(world: World) -> None:
     assert (whereabouts(hall(), 4, 7, T_S, FAR_AWAY) == where).all()
     assert (whereabouts(world, 4, 8, T_S, FAR_AWAY) != where).any()
     assert (whereabouts(world, 9, 7, T_S, FAR_AWAY)[:, :4] == where).all()
-
-
-# --- what cannot be ---
 
 
 @pytest.mark.parametrize(
@@ -286,14 +251,12 @@ def test_people_are_the_recordings(world: World) -> None:
 )
 def test_impossible_circumstances_are_refused(wrong: dict[str, object], complaint: str) -> None:
     with pytest.raises(ParameterError, match=complaint) as refusal:
-        Circumstances(**wrong)  # type: ignore[arg-type]
+        Circumstances(**wrong)
     assert "\n" not in str(refusal.value)
 
 
 @pytest.mark.parametrize("text", ["", "speech", "speech,clicks", " speech , clicks,", "thunder"])
 def test_sounds_are_parsed(text: str) -> None:
-    assert list(parse_sounds(text)) == text.replace(" ", "").strip(",").split(",") * bool(text)
-    assert set(SOUNDS) == {"speech", "music", "clicks"}
-
-
-# --- the second engine ---
+    wanted = text.replace(" ", "").strip(",").split(",") * bool(text)
+    assert list(circumstances.parse_sounds(text)) == wanted
+    assert set(circumstances.SOUNDS) == {"speech", "music", "clicks"}

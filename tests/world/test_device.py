@@ -1,7 +1,5 @@
 """Phones: the ripple that was asked for, and built-in phones that never change."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The diffuse field at a phone: planted chains come, both ways alike, and move as paths do."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -147,9 +145,8 @@ def test_every_path_is_also_written_times_its_fall() -> None:
         assert np.abs(out).max() > 0
         assert np.abs(falling - FALL * out).max() < 1e-5 * np.abs(out).max()
     none, count = one_chain(whole, 0, 30, 2.5), len(whole.once)
-    k = int(
-        np.argmax(whole.once**2 * [max(facing(whole, k, SPEAKER_M)[1], 0) for k in range(count)])
-    )
+    seen = [max(facing(whole, k, SPEAKER_M)[1], 0) for k in range(count)]
+    k = int(np.argmax(whole.once**2 * seen))
     alone = none._replace(
         once=np.where(np.arange(count) == k, whole.once, 0.0),
         chains=none.chains._replace(gain=np.zeros(1)),
@@ -183,9 +180,7 @@ def spectrum_of(envelope: C64) -> tuple[F64, F64]:
 
 
 @pytest.mark.parametrize("scattering", [0.05, 0.21, 0.45])
-def test_a_wall_mirrors_at_every_frequency_what_it_neither_absorbs_nor_scatters(
-    scattering: float,
-) -> None:
+def test_a_wall_mirrors_everywhere_what_it_keeps_and_scatters_not(scattering: float) -> None:
     """Oracle: the one wall that is not dead, by what the material says of each frequency."""
     wall = Material("wall", 0.2, scattering, "planted")
     room = shoebox(SIZE_M, (wall,) + (DEAD,) * 5, (), 3)
@@ -196,12 +191,10 @@ def test_a_wall_mirrors_at_every_frequency_what_it_neither_absorbs_nor_scatters(
     reach, bare = Reach(order=1, plan_order=1), shoebox(SIZE_M, (DEAD,) * 6, (), 3)
     direct = image_echoes(scene_of(bare), ends_at(), NOBODY, flat, reach)[0]
     smooth = shoebox(SIZE_M, (replace(wall, scattering=0.0),) + (DEAD,) * 5, (), 3)
-    mirrored = np.sqrt(1 - scattering) * (
-        image_echoes(scene_of(smooth), ends_at(), NOBODY, flat, reach)[0] - direct
-    )
-    found = diffuse.diffuse_echoes(
-        scene_of(room), ends_at(), NOBODY, flat, reach, scattering=silent
-    )[0]
+    mirror = image_echoes(scene_of(smooth), ends_at(), NOBODY, flat, reach)[0]
+    mirrored = np.sqrt(1 - scattering) * (mirror - direct)
+    given = scene_of(room), ends_at(), NOBODY, flat, reach
+    found = diffuse.diffuse_echoes(*given, scattering=silent)[0]
     found -= direct
     hz, level_db = spectrum_of(found)
     other_db = spectrum_of(mirrored)[1]
@@ -263,9 +256,6 @@ def energy_of_a_cylinder(speaker_m: F64, microphone_m: F64, person_m: F64) -> fl
     return float(law.sum())
 
 
-# --- where the points are ---
-
-
 def test_points_lie_on_the_cylinders_and_look_out() -> None:
     people_m = np.array([[1.0, 2.0], [4.0, 3.0]])
     crowd = standing_crowd(people_m)
@@ -286,9 +276,6 @@ def test_a_person_takes_their_points_along() -> None:
     alone = standing_crowd(np.zeros((1, 2)))
     assert (alone.point == first).all()
     assert set(np.sign(here.gain)) == {-1.0, 1.0}
-
-
-# --- what is heard of them ---
 
 
 def test_a_person_scatters_as_a_cylinder_of_that_cross_section() -> None:

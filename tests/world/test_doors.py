@@ -1,7 +1,5 @@
 """Doors: what they put into a room, and what a day makes of them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -44,7 +42,7 @@ def divided() -> Room:
 
 def door_of(**changes: object) -> doors.HingedDoor:
     door = doors.HingedDoor("door", HARD, np.array([3.0, 1.5]), np.array([3.0, 2.5]), height_m=3.0)
-    return replace(door, **changes)  # type: ignore[arg-type]
+    return replace(door, **changes)
 
 
 def outer_door() -> doors.HingedDoor:
@@ -62,9 +60,6 @@ def after_m(room: Room, metres: float) -> float:
 
 def opened(door: doors.HingedDoor, room: Room, *, is_open: bool) -> Room:
     return replace(room, blocks=(*room.blocks, *doors.blocks_of(door, room, is_open=is_open)))
-
-
-# --- leaves ---
 
 
 def test_a_shut_leaf_reaches_from_end_to_end_and_an_open_one_stands_to_the_left() -> None:
@@ -92,9 +87,6 @@ def test_leaves_are_blocks_where_their_ends_are(turn_rad: float) -> None:
     assert leaf.centre_m == pytest.approx((hinge + tip) / 2)
     assert leaf.turn(np.array([[0.5, 0.0]]))[0] == pytest.approx((tip - hinge) / 2)
     assert (leaf.size_m[0], leaf.top_m, leaf.surface) == (pytest.approx(1.0), 2.0, HARD)
-
-
-# --- sound ---
 
 
 def test_a_mirror_beyond_an_opening_is_heard_while_its_door_is_open() -> None:
@@ -135,9 +127,6 @@ def test_a_doorway_absorbs_all_in_measured_rooms_too() -> None:
     assert material("acoustic partition").absorption < 1, "no material is taken for an opening"
 
 
-# --- days ---
-
-
 def is_open(room: Room, door: doors.HingedDoor) -> bool:
     [leaf] = [block for block in room.blocks if block.name == f"{door.name} leaf 1"]
     return bool(np.abs(leaf.turn_rad - np.pi / 2) > 0.1)
@@ -145,10 +134,10 @@ def is_open(room: Room, door: doors.HingedDoor) -> bool:
 
 def test_a_day_finds_a_door_open_or_shut_the_same_every_time() -> None:
 
+    door = door_of()
+
     def found(room: Room, days: int) -> list[bool]:
-        return [
-            is_open(doors.with_doors(room, [door_of()], [], day), door_of()) for day in range(days)
-        ]
+        return [is_open(doors.with_doors(room, [door], [], day), door) for day in range(days)]
 
     days = found(divided(), 400)
     assert found(divided(), 40) == days[:40] != found(replace(divided(), seed=6), 40)
@@ -159,10 +148,8 @@ def test_a_door_that_somebody_walks_through_is_open() -> None:
     through, past = np.array([[1.0, 2.0], [6.0, 2.0]]), np.array([[2.7, 0.5], [2.7, 3.5]])
     assert doors.leads_through(through, door_of())
     assert not doors.leads_through(past, door_of())
-    assert all(
-        is_open(doors.with_doors(divided(), [door_of()], [past, through], day), door_of())
-        for day in range(20)
-    )
+    rooms = (doors.with_doors(divided(), [door_of()], [past, through], k) for k in range(20))
+    assert all(is_open(room, door_of()) for room in rooms)
 
 
 def test_walkers_mind_leaves_wherever_they_may_stand() -> None:
@@ -176,9 +163,6 @@ def test_walkers_mind_leaves_wherever_they_may_stand() -> None:
     assert 'meets "door leaf 1"' in str(fault_of_route(barred, ways[0], closed=False))
     room = divided()
     assert doors.room_to_walk_in(room, [], ways) is room
-
-
-# --- built-in worlds ---
 
 
 @pytest.mark.parametrize("name", world_names())
@@ -211,9 +195,8 @@ def test_rooms_and_stores_have_doors_and_one_store_is_walked_into() -> None:
         "office": 2, "studio": 1,
     }  # fmt: skip
     mall = loaded("mall")
-    assert [d.name for d in mall.doors if any(doors.leads_through(w, d) for w in mall.ways_m)] == [
-        "pharmacy door"
-    ]
+    walked = [d.name for d in mall.doors if any(doors.leads_through(w, d) for w in mall.ways_m)]
+    assert walked == ["pharmacy door"]
 
 
 FLAT = """

@@ -1,7 +1,5 @@
 """Motion sensors: gravity, turns, and the errors that the data sheet promises."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -9,16 +7,9 @@ import pytest
 
 from elfslam.base.arrays import F64
 from elfslam.stages.motion import MotionParameters, find_footsteps
+from elfslam.world import imu as sensing
 from elfslam.world.device import BMI160, BROWSER, LSM6DSO, ImuGrade
-from elfslam.world.imu import (
-    ALLAN_PEAK,
-    BIAS_CORRELATION_S,
-    GRAVITY_MPS2,
-    GYRO_SCALE_ERROR,
-    attitude,
-    gauss_markov,
-    read_imu,
-)
+from elfslam.world.imu import BIAS_CORRELATION_S, GRAVITY_MPS2, GYRO_SCALE_ERROR, attitude, read_imu
 from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, random_walker, walk
 
 PERFECT = ImuGrade("perfect", 100.0, 0.0, 0.0, 0.0, 0.0)
@@ -58,9 +49,8 @@ def up_in_phone(motion: Motion, rate_hz: float) -> F64:
 def test_standing_still_reads_gravity_tilted_by_the_pitch() -> None:
     pitch, roll = 0.4, 0.2
     imu = read_imu(standing(1.0, pitch=pitch, roll=roll), PERFECT, generator_of())
-    expected = GRAVITY_MPS2 * np.array(
-        [-np.cos(pitch) * np.sin(roll), np.sin(pitch), np.cos(pitch) * np.cos(roll)]
-    )
+    felt = -np.cos(pitch) * np.sin(roll), np.sin(pitch), np.cos(pitch) * np.cos(roll)
+    expected = GRAVITY_MPS2 * np.array(felt)
     np.testing.assert_allclose(imu.accel_mps2, np.tile(expected, (len(imu.t_s), 1)), atol=1e-9)
     np.testing.assert_allclose(imu.gyro_radps, 0.0, atol=1e-9)
 
@@ -164,10 +154,10 @@ def allan_deviation(rates: F64, size: int) -> float:
 
 def test_the_bias_wanders_as_far_as_its_instability() -> None:
     """The Allan deviation peaks there, at 1.89 correlation times."""
-    bias = gauss_markov(generator_of(), (400_000, 3), BIAS_CORRELATION_S, 1.0)
+    bias = sensing.gauss_markov(generator_of(), (400_000, 3), BIAS_CORRELATION_S, 1.0)
     assert bias.std() == pytest.approx(1.0, rel=0.05)
     sizes = [round(share * BIAS_CORRELATION_S) for share in (0.3, 1.89, 12.0)]
-    short, peak, long = (allan_deviation(bias / ALLAN_PEAK, size) for size in sizes)
+    short, peak, long = (allan_deviation(bias / sensing.ALLAN_PEAK, size) for size in sizes)
     assert peak == pytest.approx(1.0, rel=0.06)
     assert short < 0.8
     assert long < 0.8

@@ -1,7 +1,5 @@
 """Kinds of walks: a quiet day is the simulator's own, ordinary life differs between two visits."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,33 +1,20 @@
 """The magnetic field: dipoles, a field without sources in the room, and what a phone reads."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from elfslam.base.arrays import F64
+from elfslam.world import magnetic
 from elfslam.world.imu import attitude
-from elfslam.world.magnetic import (
-    AK09911,
-    MagneticField,
-    Magnetism,
-    MagnetometerGrade,
-    MainsParameters,
-    PowerLine,
-    field_at,
-    line_field_ut,
-    listen_to_mains,
-    magnetic_field,
-    read_magnetometer,
-)
+from elfslam.world.magnetic import MagneticField, Magnetism, PowerLine, field_at, read_magnetometer
 from elfslam.world.materials import material
 from elfslam.world.room import shoebox
 from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, random_walker, walk
 
 ROOM = shoebox(np.array([8.0, 6.0, 2.6]), (material("concrete"),) * 6)
-PERFECT = MagnetometerGrade("perfect", 50.0, 1e-9, 0.0, 0.0)
+PERFECT = magnetic.MagnetometerGrade("perfect", 50.0, 1e-9, 0.0, 0.0)
 NO_EARTH = np.zeros(3)
 
 
@@ -36,7 +23,7 @@ def one_dipole(*moment_am2: float) -> MagneticField:
 
 
 def room_field(seed: int = 0, magnetism: Magnetism | None = None) -> MagneticField:
-    return magnetic_field(ROOM, magnetism or Magnetism(), np.random.default_rng(seed))
+    return magnetic.magnetic_field(ROOM, magnetism or Magnetism(), np.random.default_rng(seed))
 
 
 def walking(seed: int = 0) -> Motion:
@@ -114,7 +101,7 @@ def test_a_phone_reads_the_field_in_its_own_axes() -> None:
 
 
 def test_the_ak09911_counts_in_steps_of_0_6_ut() -> None:
-    reading = read_magnetometer(walking(), room_field(), AK09911, np.random.default_rng(0))
+    reading = read_magnetometer(walking(), room_field(), magnetic.AK09911, np.random.default_rng(0))
     digits = reading.field_ut / 0.6
     np.testing.assert_allclose(digits, np.round(digits), atol=1e-9)
     assert len(np.unique(np.round(digits))) > 20
@@ -123,7 +110,7 @@ def test_the_ak09911_counts_in_steps_of_0_6_ut() -> None:
 def test_noise_and_hard_iron_have_their_size() -> None:
     motion, field = walking(), room_field()
     truth = read_magnetometer(motion, field, PERFECT, np.random.default_rng(0)).field_ut
-    grade = replace(AK09911, resolution_ut=1e-6)
+    grade = replace(magnetic.AK09911, resolution_ut=1e-6)
     errors = np.array(
         [
             read_magnetometer(motion, field, grade, np.random.default_rng(seed)).field_ut - truth
@@ -134,7 +121,7 @@ def test_noise_and_hard_iron_have_their_size() -> None:
     assert errors.std(axis=1).mean() == pytest.approx(grade.noise_ut, rel=0.05)
 
 
-QUIET = MainsParameters(noise_uv=0.0, load_spread=0.0)
+QUIET = magnetic.MainsParameters(noise_uv=0.0, load_spread=0.0)
 
 
 def line(
@@ -150,8 +137,12 @@ def standing(*position_m: float, yaw_rad: float = 0.0, duration_s: float = 30.0)
     return Motion(t_s, same[:, None] * np.array(position_m), yaw, 0 * same, 0 * same, yaw, 0 * same)
 
 
-def heard(motion: Motion, lines: list[PowerLine], parameters: MainsParameters = QUIET) -> F64:
-    return listen_to_mains(motion, lines, 5, np.random.default_rng(0), parameters).amplitude
+def heard(
+    motion: Motion, lines: list[PowerLine], parameters: magnetic.MainsParameters = QUIET
+) -> F64:
+    return magnetic.listen_to_mains(
+        motion, lines, 5, np.random.default_rng(0), parameters
+    ).amplitude
 
 
 def test_a_finite_wire_is_the_sum_of_its_pieces() -> None:
@@ -163,13 +154,13 @@ def test_a_finite_wire_is_the_sum_of_its_pieces() -> None:
     away = at[:, None, :] - (wire.from_m + share[:, None] * way)
     cube = np.linalg.norm(away, axis=2, keepdims=True) ** 3
     summed = 0.1 * (np.cross(way / 20_000, away) / cube).sum(axis=1)
-    np.testing.assert_allclose(line_field_ut(wire, at), summed, rtol=1e-6)
+    np.testing.assert_allclose(magnetic.line_field_ut(wire, at), summed, rtol=1e-6)
 
 
 def test_touching_the_cable_stays_finite() -> None:
     wire = line((0.0, 0.0, 0.0), (2.0, 0.0, 0.0))
     at = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [5.0, 0.0, 0.0]])
-    assert np.isfinite(line_field_ut(wire, at)).all()
+    assert np.isfinite(magnetic.line_field_ut(wire, at)).all()
 
 
 def test_the_voltage_is_loop_times_angular_frequency_times_field() -> None:
@@ -206,7 +197,7 @@ def test_noise_and_rate() -> None:
     far = [line((0.0, 0.0, 1e5), (1.0, 0.0, 1e5))]
     parameters = replace(QUIET, noise_uv=0.3, rate_hz=5.0)
     motion = standing(0.0, 0.0, 1.0, duration_s=400.0)
-    emr = listen_to_mains(motion, far, 5, np.random.default_rng(0), parameters)
+    emr = magnetic.listen_to_mains(motion, far, 5, np.random.default_rng(0), parameters)
     assert emr.amplitude.mean() == pytest.approx(0.3 * np.sqrt(np.pi / 2), rel=0.05)
     np.testing.assert_allclose(np.diff(emr.t_s), 0.2, atol=1e-9)
 
@@ -215,7 +206,9 @@ def test_loads_differ_from_day_to_day() -> None:
     wire, motion = [line((-5.0, 0.0, 3.0), (5.0, 0.0, 3.0))], standing(0.0, 0.0, 1.0, duration_s=1)
     parameters = replace(QUIET, load_spread=0.1)
     days = [
-        listen_to_mains(motion, wire, 5, np.random.default_rng(seed), parameters).amplitude[0, 0]
+        magnetic.listen_to_mains(
+            motion, wire, 5, np.random.default_rng(seed), parameters
+        ).amplitude[0, 0]
         for seed in range(300)
     ]
     assert np.std(np.log(days)) == pytest.approx(0.1, rel=0.15)

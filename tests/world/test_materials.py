@@ -1,7 +1,5 @@
 """Materials: laws of energy, physics that bounds the table, and sources that say what they are."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np
@@ -11,14 +9,7 @@ from hypothesis import strategies as st
 from pyroomacoustics.parameters import materials_absorption_table
 
 from elfslam.base.errors import InputError
-from elfslam.world.materials import (
-    BOUNDARY_LAYER_ABSORPTION,
-    MATERIALS,
-    MIDDLE_HZ,
-    Material,
-    material,
-    rough_scattering,
-)
+from elfslam.world import materials
 
 SHARE = st.floats(0.0, 1.0)
 
@@ -27,7 +18,7 @@ SHARE = st.floats(0.0, 1.0)
 def test_no_energy_is_lost_or_made_at_any_frequency(
     absorption: float, scattering: float, frequency_hz: float
 ) -> None:
-    made = Material("any", absorption, scattering, "test")
+    made = materials.Material("any", absorption, scattering, "test")
     for there in (made, made.at(frequency_hz)):
         assert there.reflection**2 + there.diffuse + there.absorption == pytest.approx(1.0)
 
@@ -36,7 +27,7 @@ def test_no_energy_is_lost_or_made_at_any_frequency(
 def test_a_rough_wall_mirrors_by_its_height_in_wavelengths(roughness_m: float) -> None:
     """Rayleigh's roughness: exp(-(4 pi height cos / wavelength)^2), at 45 degrees and any
     frequency."""
-    wall = Material("rough", 0.0, rough_scattering(roughness_m), "test")
+    wall = materials.Material("rough", 0.0, materials.rough_scattering(roughness_m), "test")
     for frequency_hz in (15_000.0, 17_500.0, 20_000.0):
         wavelength_m = 343.0 / frequency_hz
         mirrored = np.exp(-((4 * np.pi * roughness_m * np.cos(np.pi / 4) / wavelength_m) ** 2))
@@ -44,12 +35,10 @@ def test_a_rough_wall_mirrors_by_its_height_in_wavelengths(roughness_m: float) -
 
 
 @given(absorption=st.floats(0.0, 0.85), scattering=st.floats(0.001, 0.95))
-def test_falls_are_the_slopes_of_what_the_material_says(
-    absorption: float, scattering: float
-) -> None:
+def test_falls_are_slopes_of_what_the_material_says(absorption: float, scattering: float) -> None:
     """Of pressures, by the logarithm of the frequency about 17.5 kHz; energy is kept in them."""
-    made, step = Material("any", absorption, scattering, "test"), 1e-5
-    low, high = (made.at(MIDDLE_HZ * np.exp(sign * step)) for sign in (-1, 1))
+    made, step = materials.Material("any", absorption, scattering, "test"), 1e-5
+    low, high = (made.at(materials.MIDDLE_HZ * np.exp(sign * step)) for sign in (-1, 1))
     mirrored = np.log(low.reflection / high.reflection) / (2 * step)
     diffuse = np.log(low.diffuse / high.diffuse) / (4 * step)
     assert made.mirror_fall == pytest.approx(mirrored, rel=1e-3, abs=1e-6)
@@ -62,14 +51,14 @@ def test_falls_are_the_slopes_of_what_the_material_says(
 @pytest.mark.parametrize(("absorption", "scattering"), [(-0.1, 0.0), (1.1, 0.0), (0.5, 2.0)])
 def test_shares_beyond_one_are_refused(absorption: float, scattering: float) -> None:
     with pytest.raises(InputError, match=r"material 'odd': wanted \w+ from 0 to 1, got"):
-        Material("odd", absorption, scattering, "test")
+        materials.Material("odd", absorption, scattering, "test")
 
 
 def test_an_unknown_name_gets_the_near_one() -> None:
     with pytest.raises(InputError, match=r"material 'carpit': .*did you mean 'carpet'\?"):
-        material("carpit")
+        materials.material("carpit")
     with pytest.raises(InputError, match=r"material 'xyz': .*choose one of them"):
-        material("xyz")
+        materials.material("xyz")
 
 
 def test_nothing_absorbs_less_than_the_air_at_a_rigid_wall() -> None:
@@ -85,20 +74,21 @@ def test_nothing_absorbs_less_than_the_air_at_a_rigid_wall() -> None:
     admittance = angular_hz / 343.0 / 2 * (shear_m * np.sin(angle) ** 2 + 0.4 * heat_m)
     law = 4 * admittance * np.cos(angle) / (np.cos(angle) + admittance) ** 2
     expected = np.trapezoid(law * np.sin(2 * angle), angle)
-    assert pytest.approx(expected, abs=1.5e-3) == BOUNDARY_LAYER_ABSORPTION
-    assert min(item.absorption for item in MATERIALS.values()) == BOUNDARY_LAYER_ABSORPTION
+    assert pytest.approx(expected, abs=1.5e-3) == materials.BOUNDARY_LAYER_ABSORPTION
+    least = min(item.absorption for item in materials.MATERIALS.values())
+    assert least == materials.BOUNDARY_LAYER_ABSORPTION
 
 
 def test_scattering_of_the_rough_is_that_of_the_roughness_stated() -> None:
     stated = {
         item.name: float(found[1])
-        for item in MATERIALS.values()
+        for item in materials.MATERIALS.values()
         if (found := re.search(r"roughness of ([\d.]+) mm", item.source))
     }
     assert len(stated) > 10
     for name, roughness_mm in stated.items():
-        assert material(name).scattering == pytest.approx(
-            rough_scattering(roughness_mm / 1000), abs=6e-4
+        assert materials.material(name).scattering == pytest.approx(
+            materials.rough_scattering(roughness_mm / 1000), abs=6e-4
         )
 
 
@@ -125,5 +115,5 @@ PUBLISHED = {
 def test_measured_values_are_the_last_of_the_published_row(name: str, row: str) -> None:
     coefficients = materials_absorption_table[row]["coeffs"]
     band_khz = {7: 8, 6: 4}[len(coefficients)]
-    assert material(name).absorption == coefficients[-1]
-    assert f"absorption: {band_khz} kHz band" in material(name).source
+    assert materials.material(name).absorption == coefficients[-1]
+    assert f"absorption: {band_khz} kHz band" in materials.material(name).source

@@ -1,7 +1,5 @@
 """Paths in plan, against the lattice of a rectangle and against trying every order of faces."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np
@@ -147,14 +145,10 @@ def test_every_path_is_found_and_no_other(which: int) -> None:
         ({"block_order": 2, "beside_block": 2}, [(1, 1), (1, 2), (2, 2)]),
     ],
 )
-def test_reflections_at_blocks_are_limited(
-    changed: dict[str, int], on_blocks: list[tuple[int, int]]
-) -> None:
+def test_block_reflections_end(changed: dict[str, int], on_blocks: list[tuple[int, int]]) -> None:
     """Two mirrors that face each other; pairs of (reflections at blocks, in plan)."""
-    blocks = (
-        box("a", [1.0, 1.0, 0.0], [0.2, 3.0, 3.0], HALF),
-        box("b", [5, 1, 0], [0.2, 3, 3], HALF),
-    )
+    places = ("a", [1.0, 1.0, 0.0]), ("b", [5, 1, 0])
+    blocks = [box(*place, [0.2, 3.0, 3.0], HALF) for place in places]
     reach = Reach(order=3, plan_order=3)._replace(**changed)
     paths, count = found(rectangle(*blocks), reach)
     kinds = set()
@@ -185,9 +179,8 @@ def test_hits_are_noted_from_the_start() -> None:
 
 def test_more_than_fits_is_reported() -> None:
     """Low blocks on every way through a narrow room are noted for each of them."""
-    strips = tuple(
-        box(f"{k}", [0.02 + 0.03 * k, 0.0, 0.0], [0.01, 1.0, 0.5], HALF) for k in range(30)
-    )
+    size_m = [0.01, 1.0, 0.5]
+    strips = tuple(box(f"{k}", [0.02 + 0.03 * k, 0, 0], size_m, HALF) for k in range(30))
     scene = scene_of(shoebox(np.array([1.0, 1.0, 3.0]), (HALF,) * 6, strips))
     source, target = np.array([0.3, 0.4, 1.0]), np.array([0.6, 0.3, 1.0])
     reach = Reach(longest_m=5.0, order=24, plan_order=3, block_order=0)

@@ -1,7 +1,5 @@
 """Phones in a scene: axes, ends, the same bytes by any number of threads, and their sound."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -40,9 +38,8 @@ PLAIN = Device(
 
 
 def scene() -> Scene:
-    surfaces = [
-        material(name) for name in ("door", "glass", "brick", "plaster", "carpet", "concrete")
-    ]
+    names = ("door", "glass", "brick", "plaster", "carpet", "concrete")
+    surfaces = [material(name) for name in names]
     table = box("table", [1.0, 1.0, 0.0], [1.5, 0.8, 0.7])
     return scene_of(shoebox(np.array([6.0, 4.0, 2.5]), tuple(surfaces), (table,)))
 
@@ -56,9 +53,6 @@ def some_poses(count: int) -> Poses:
 
 def chirp_at(rate_hz: int = 44_100) -> Chirp:
     return make_chirp(ChirpParameters(), rate_hz)
-
-
-# --- axes and ends ---
 
 
 def test_a_level_phone_has_its_right_to_the_right() -> None:
@@ -79,9 +73,8 @@ def test_ends_are_where_the_device_has_them() -> None:
         "odd", np.ones(BAND_BINS), speaker_m=np.array([0.01, 0.08, 0.0]),
         microphone_m=np.array([0.0, -0.07, 0.005]), microphone_axis=np.array([0.0, 0.0, 1.0]),
     )  # fmt: skip
-    ends = ends_of(
-        device, poses_at(np.array([[1.0, 2.0, 1.2]]), np.full(1, np.pi / 2), np.zeros(1))
-    )
+    poses = poses_at(np.array([[1.0, 2.0, 1.2]]), np.full(1, np.pi / 2), np.zeros(1))
+    ends = ends_of(device, poses)
     np.testing.assert_allclose(ends.speaker, [[1.01, 2.08, 1.2]])
     np.testing.assert_allclose(ends.microphone, [[1.0, 1.93, 1.205]])
     np.testing.assert_allclose(ends.microphone_axis, [[0, 0, 1]], atol=1e-12)
@@ -95,19 +88,16 @@ def test_lobes_turn_with_the_phone() -> None:
         PLAIN, speaker_lobes=Lobes(0.3, 0.07),
         microphone_lobes=Lobes(0.2, 0.03, np.array([0.0, 0.0, 1.0])),
     )  # fmt: skip
-    ends = ends_of(
-        device, poses_at(np.array([[1.0, 2.0, 1.2]]), np.full(1, np.pi / 2), np.full(1, np.pi / 2))
-    )
+    up = np.full(1, np.pi / 2)
+    ends = ends_of(device, poses_at(np.array([[1.0, 2.0, 1.2]]), up, up))
     waves = CARRIER_HZ / 343.0
     np.testing.assert_allclose(ends.speaker_across, [[0.035 * waves, 0, 0]], atol=1e-12)
     np.testing.assert_allclose(ends.microphone_across, [[0, -0.015 * waves, 0]], atol=1e-12)
     assert (ends.speaker_lobe_share, ends.microphone_lobe_share) == (0.3, 0.2)
     poses = some_poses(2)
     air, nobody = air_at(), some_poses(2).people_m
-    lobed, plain = (
-        image_echoes(scene(), ends_of(made, poses), nobody, air, Reach())
-        for made in (device, PLAIN)
-    )
+    both = (ends_of(made, poses) for made in (device, PLAIN))
+    lobed, plain = (image_echoes(scene(), ends, nobody, air, Reach()) for ends in both)
     assert 0.2 < np.linalg.norm(lobed) / np.linalg.norm(plain) < 0.9
 
 
@@ -119,9 +109,6 @@ def test_air_is_that_of_its_temperature(temperature_c: float, speed_mps: float) 
     assert air.speed_mps == pytest.approx(speed_mps, abs=0.1)
     lost_db = -20 * np.log10(np.exp(-air.attenuation_per_m))
     assert lost_db == pytest.approx(absorption_db_per_m(CARRIER_HZ, temperature_c))
-
-
-# --- rows ---
 
 
 def test_every_row_is_by_itself() -> None:
@@ -154,18 +141,11 @@ def test_too_many_paths_are_refused() -> None:
         image_echoes(tiny, ends_of(PLAIN, poses), poses.people_m, air_at(), reach)
 
 
-# --- near field and sound ---
-
-
 def test_another_engine_hears_the_near_field_too() -> None:
     """The direct sound and the holder come from here, whatever the engine."""
     poses = some_poses(2)
-    deaf = room_responses(
-        scene(),
-        PLAIN,
-        poses,
-        engine=lambda scene, ends, *rest: np.zeros((2, BAND_BINS), np.complex64),
-    )
+    nothing = np.zeros((2, BAND_BINS), np.complex64)
+    deaf = room_responses(scene(), PLAIN, poses, engine=lambda *given: nothing)
     sound = np.abs(signal.hilbert(sound_of(deaf[:1])))
     expected_s = PLAIN.separation_m / air_at().speed_mps + 0.005
     assert np.abs(deaf[0]).argmax() <= 3
@@ -228,9 +208,8 @@ def test_a_phone_rings_after_the_sound() -> None:
 
 def test_the_holder_scatters_echoes_and_leaves_the_direct_sound() -> None:
     poses, gain = some_poses(3), np.fft.ifftshift(near_field(HAND, band_hz()))
-    bare, held = (
-        room_responses(scene(), phone, poses) for phone in (PLAIN, replace(PLAIN, near_field=HAND))
-    )
+    phones = PLAIN, replace(PLAIN, near_field=HAND)
+    bare, held = (room_responses(scene(), phone, poses) for phone in phones)
     air, ends = air_at(), ends_of(PLAIN, poses)
     echoes = image_echoes(scene(), ends, poses.people_m, air, Reach())
     scattered = np.fft.ifft(np.fft.fft(echoes, axis=1) * gain, axis=1)

@@ -1,7 +1,5 @@
 """What lies across a line in plan, against plain geometry block by block."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

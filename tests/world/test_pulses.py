@@ -1,33 +1,16 @@
 """What a path does to its pulse: motion, lobes, the holder's shadow and air."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from one_phone import (
-    AIR,
-    DEAD,
-    HARD,
-    SIZE_M,
-    UP,
-    X,
-    assert_one_path,
-    dead_room,
-    ends_at,
-    heard,
-)
+from one_phone import AIR, DEAD, HARD, SIZE_M, UP, X, assert_one_path, dead_room, ends_at, heard
 
 from elfslam.base.arrays import F64
 from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.world.device import built_in_device
 from elfslam.world.phone import Transducers, render_frames
-from elfslam.world.pulses import (
-    BODY_SHADOW,
-    CARRIER_HZ,
-    absorption_db_per_m,
-)
+from elfslam.world.pulses import BODY_SHADOW, CARRIER_HZ, absorption_db_per_m
 from elfslam.world.room import shoebox
 from elfslam.world.scene import Scene, scene_of
 from elfslam.world.transducers import Lobes
@@ -37,9 +20,6 @@ def scatterer(point_m: F64, radius_m: float, normal: F64 = -X) -> Scene:
     return scene_of(dead_room())._replace(
         point=np.array([point_m]), point_normal=normal[None], point_radius=np.array([radius_m])
     )
-
-
-# --- motion ---
 
 
 def chirp_heard(ends: Transducers, gain: float, wall_x_m: float) -> F64:
@@ -54,9 +34,8 @@ def chirp_heard(ends: Transducers, gain: float, wall_x_m: float) -> F64:
     for _ in range(30):
         speaker = ends.speaker[0] + sent_s[:, None] * ends.speaker_velocity[0]
         image = speaker * mirror + [2 * wall_x_m, 0.0, 0.0]
-        length = np.linalg.norm(
-            image - ends.microphone[0] - t_s[:, None] * ends.microphone_velocity[0], axis=1
-        )
+        microphone_m = ends.microphone[0] + t_s[:, None] * ends.microphone_velocity[0]
+        length = np.linalg.norm(image - microphone_m, axis=1)
         sent_s = t_s - length / AIR.speed_mps
     level = gain / length * np.exp(-AIR.attenuation_per_m * length)
     return np.asarray(level * np.interp(sent_s, played_s, smooth, left=0.0))
@@ -78,9 +57,6 @@ def test_a_moving_phone_hears_what_a_simulation_in_time_hears(speed_mps: float) 
     correlation = ours @ brute / np.linalg.norm(ours) / np.linalg.norm(brute)
     assert correlation > 0.975
     assert np.linalg.norm(ours) == pytest.approx(np.linalg.norm(brute), rel=0.03)
-
-
-# --- lobes, the holder and air ---
 
 
 LOBES = Lobes(0.35, 0.07, np.array([0.0, 0.8, 0.6]))
@@ -146,9 +122,7 @@ TABLE = {
 
 
 @pytest.mark.parametrize(("weather", "expected"), TABLE.items(), ids=str)
-def test_the_table_of_the_standard_comes_out(
-    weather: tuple[int, int], expected: list[float]
-) -> None:
+def test_the_table_of_the_norm_comes_out(weather: tuple[int, int], expected: list[float]) -> None:
     temperature_c, humidity_percent = weather
     for frequency_hz, db_per_km in zip(OCTAVES_HZ, expected, strict=True):
         rounding = 0.5 if db_per_km > 100 else 0.06
@@ -168,9 +142,7 @@ HIGH_TABLE = {
 
 
 @pytest.mark.parametrize(("weather", "expected"), HIGH_TABLE.items(), ids=str)
-def test_the_highest_bands_of_the_standard_come_out(
-    weather: tuple[int, int, int], expected: float
-) -> None:
+def test_the_norm_s_highest_bands_come_out(weather: tuple[int, int, int], expected: float) -> None:
     temperature_c, humidity_percent, third = weather
     computed = 1000 * absorption_db_per_m(10 ** (3 + third / 10), temperature_c, humidity_percent)
     assert computed == pytest.approx(expected, rel=5e-3)

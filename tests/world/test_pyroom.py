@@ -1,7 +1,5 @@
 """The second engine: the same sound where it can model the scene, one line where it cannot."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 

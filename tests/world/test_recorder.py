@@ -1,7 +1,5 @@
 """The stream of a recording: where every chirp stands in it, and what each circumstance adds."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +8,6 @@ from scipy import signal
 
 from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import InputError
-from elfslam.base.values import Audio
 from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.world import recorder
 from elfslam.world.circumstances import SOUNDS, Circumstances
@@ -18,16 +15,6 @@ from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, Device, built_i
 from elfslam.world.materials import material
 from elfslam.world.phone import air_at
 from elfslam.world.pulses import C64
-from elfslam.world.recorder import (
-    LATENCY_S,
-    OTHER_CLOCK_PPM,
-    OTHER_HEIGHT_M,
-    WorldVisit,
-    _standing_place,
-    port_occlusion,
-    record_visits,
-    record_walk,
-)
 from elfslam.world.room import box, shoebox
 from elfslam.world.transducers import GainControl, controlled
 from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, Walker, random_walker
@@ -41,7 +28,7 @@ SEED = 11
 def closet(*blocks: object) -> World:
     """A muffled room of 6 by 5 m, so that the direct sound stands out."""
     felt = (replace(material("plaster"), absorption=0.99),) * 6
-    room = shoebox(np.array([6.0, 5.0, 2.6]), felt, blocks, seed=3)  # type: ignore[arg-type]
+    room = shoebox(np.array([6.0, 5.0, 2.6]), felt, blocks, seed=3)
     return World("closet", room, np.array([[1.0, 1.0], [5.0, 1.0], [5.0, 4.0], [1.0, 4.0]]))
 
 
@@ -66,12 +53,11 @@ def recorded(
     world: World | None = None,
     motion: Motion | None = None,
 ) -> F32:
-    heard, *_ = record_walk(
+    heard, *_ = recorder.record_walk(
         world or closet(), circumstances or Circumstances(device="flat"), walker(),
         motion or standing(duration_s), rate_hz, seed, np.random.default_rng(seed),
         lambda share: None,
     )  # fmt: skip
-    assert isinstance(heard, Audio)
     assert heard.rate_hz == rate_hz
     return np.asarray(heard.samples[0])
 
@@ -81,7 +67,7 @@ def use(monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
 
 
 def latency_of(rate_hz: int, seed: int = SEED) -> int:
-    return round(np.random.default_rng(seed).uniform(*LATENCY_S) * rate_hz)
+    return round(np.random.default_rng(seed).uniform(*recorder.LATENCY_S) * rate_hz)
 
 
 def arrivals(stream: F32, rate_hz: int, first: float, period: float, count: int) -> F64:
@@ -95,9 +81,6 @@ def arrivals(stream: F32, rate_hz: int, first: float, period: float, count: int)
         match = signal.resample(match, fine * len(match))
         found.append(start + np.argmax(match) / fine)
     return np.array(found)
-
-
-# --- where the direct sound stands ---
 
 
 @pytest.mark.parametrize("rate_hz", [44_100, 48_000])
@@ -135,17 +118,14 @@ def test_skew_stretches_the_stream(monkeypatch: pytest.MonkeyPatch, skew_ppm: fl
     assert len(stream) == 3 * 44_100
 
 
-# --- from world to world ---
-
-
 def test_a_walk_in_one_world_is_cut_anywhere() -> None:
     """Two visits of it are recorded as one; in another world something else is heard."""
     alone = Circumstances(device="flat")
-    visits = [WorldVisit(0.0, closet(), alone), WorldVisit(1.234, closet(), alone)]
+    visits = [recorder.WorldVisit(t_s, closet(), alone) for t_s in (0.0, 1.234)]
     other = replace(closet(), room=replace(closet().room, height_m=closet().room.height_m + 1.0))
     elsewhere = [visits[0], visits[1]._replace(world=other)]
     cut, moved = (
-        record_visits(
+        recorder.record_visits(
             each, walker(), standing(3.0), 44_100, SEED, np.random.default_rng(SEED), lambda _: None
         )[0].samples[0]
         for each in (visits, elsewhere)
@@ -156,9 +136,6 @@ def test_a_walk_in_one_world_is_cut_anywhere() -> None:
     assert np.abs(moved - whole)[round(1.4 * 44_100) :].max() > 1e-4
 
 
-# --- a covered port ---
-
-
 def test_a_covered_port_takes_from_direct_sound_and_echoes(monkeypatch: pytest.MonkeyPatch) -> None:
     """From the second on in which it is covered; what others play is as loud as before."""
     use(monkeypatch, FLAT)
@@ -166,14 +143,11 @@ def test_a_covered_port_takes_from_direct_sound_and_echoes(monkeypatch: pytest.M
     late = np.where(motion.t_s > 1.5, 12.0, 0.0)
     asked = Circumstances(sounds=("clicks",))
     plain = recorded()
-    opened, closed = (
-        recorded(asked, motion=replace(motion, covered_db=cover)) for cover in (None, late)
-    )
+    opened, closed = (recorded(asked, motion=replace(motion, covered_db=db)) for db in (None, late))
     sounds = opened - plain
     band = signal.butter(6, (15_500, 19_500), "bandpass", fs=44_100, output="sos")
-    loud, soft = (
-        signal.sosfiltfilt(band, (stream - sounds).astype(float)) for stream in (opened, closed)
-    )
+    chirped = ((stream - sounds).astype(float) for stream in (opened, closed))
+    loud, soft = (signal.sosfiltfilt(band, stream) for stream in chirped)
     for part in (slice(50, 460), slice(700, 2000)):  # the direct chirp, and echoes alone
         starts = range(latency_of(44_100), 27 * 4410, 4410)
         levels = [[np.linalg.norm(stream[k:][part]) for k in starts] for stream in (loud, soft)]
@@ -182,26 +156,22 @@ def test_a_covered_port_takes_from_direct_sound_and_echoes(monkeypatch: pytest.M
         assert taken_db[15:] == pytest.approx(12.0, abs=1.5)
 
 
-# --- other phones ---
-
-
 def other_phone(world: World, seed: int, k: int) -> tuple[F64, int, float]:
     """Place, offset in samples and relative period of the k-th other phone."""
     generator = np.random.default_rng([seed, 5, k])
-    place = _standing_place(world, generator)
-    return place, int(generator.integers(4410)), 1 + generator.normal(0, OTHER_CLOCK_PPM) * 1e-6
+    place = recorder._standing_place(world, generator)
+    offset, ppm = generator.integers(4410), generator.normal(0, recorder.OTHER_CLOCK_PPM)
+    return place, int(offset), 1 + ppm * 1e-6
 
 
 @pytest.mark.parametrize("seed", [3, 4])
-def test_another_phone_is_heard_by_its_own_clock(
-    monkeypatch: pytest.MonkeyPatch, seed: int
-) -> None:
+def test_another_phone_is_heard_by_its_clock(monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
     use(monkeypatch, FLAT)
     asked = Circumstances(other_phones=1)
     alone, both = (recorded(each, duration_s=12.0, seed=seed) for each in (Circumstances(), asked))
     place, offset, period = other_phone(closet(), seed, 0)
     microphone = PLACE_M - 0.075 * np.array([np.cos(0.4), 0.0, np.sin(0.4)])
-    way_m = np.linalg.norm(np.append(place, OTHER_HEIGHT_M) - microphone)
+    way_m = np.linalg.norm(np.append(place, recorder.OTHER_HEIGHT_M) - microphone)
     first = latency_of(44_100, seed) + offset + way_m / air_at().speed_mps * 44_100
     found = arrivals(both - alone, 44_100, first, 4410 * period, 110)
     assert found[0] == pytest.approx(first, abs=1.0)
@@ -224,9 +194,6 @@ def test_a_full_room_has_no_place_for_another_phone() -> None:
     world = closet(box("crate", np.array([0.0, 0.0, 0.0]), np.array([6.0, 5.0, 2.0])))
     with pytest.raises(InputError, match="'closet': no free place for another phone; leave it out"):
         recorded(Circumstances(other_phones=1), world=world)
-
-
-# --- other sounds, volume, limits ---
 
 
 @pytest.mark.parametrize("names", [("music",), ("clicks", "speech")])
@@ -289,9 +256,6 @@ def test_gain_control_comes_last(monkeypatch: pytest.MonkeyPatch) -> None:
     assert ridden[before].std() > 1.2 * plain[before].std()
 
 
-# --- the same bytes ---
-
-
 def some_envelopes(count: int) -> C64:
     parts = np.random.default_rng(0).standard_normal((2, count, BAND_BINS))
     return (parts[0] + 1j * parts[1]).astype(np.complex64)
@@ -304,18 +268,16 @@ def loss_db(before: C64, after: C64, frequency_hz: float) -> F64:
 
 
 @pytest.mark.parametrize(("frequency_hz", "share"), [(15e3, 0.7), (17.5e3, 1.0), (20e3, 1.3)])
-def test_a_cover_takes_its_decibels_and_more_at_the_upper_end(
-    frequency_hz: float, share: float
-) -> None:
+def test_a_cover_takes_its_decibels_and_more_on_top(frequency_hz: float, share: float) -> None:
     sound, covered_db = some_envelopes(3), np.array([6.0, 0.0, 20.0])
-    taken = loss_db(sound, port_occlusion(sound, covered_db), frequency_hz)
+    taken = loss_db(sound, recorder.port_occlusion(sound, covered_db), frequency_hz)
     assert taken == pytest.approx(share * covered_db, abs=1e-3)
 
 
 def test_what_is_open_keeps_every_byte() -> None:
     sound = some_envelopes(3)
-    assert port_occlusion(sound, np.zeros(3)) is sound
-    half = port_occlusion(sound, np.array([0.0, 9.0, 0.0]))
+    assert recorder.port_occlusion(sound, np.zeros(3)) is sound
+    half = recorder.port_occlusion(sound, np.array([0.0, 9.0, 0.0]))
     assert half[[0, 2]].tobytes() == sound[[0, 2]].tobytes()
     assert half.dtype == np.complex64
     assert np.abs(half[1] - sound[1]).max() > 0.1
@@ -325,7 +287,7 @@ def test_a_cover_delays_nothing() -> None:
     """An impulse stays where it is."""
     impulse = np.zeros((1, BAND_BINS), np.complex64)
     impulse[0, 100] = 1.0
-    heard = np.abs(port_occlusion(impulse, np.full(1, 20.0))[0])
+    heard = np.abs(recorder.port_occlusion(impulse, np.full(1, 20.0))[0])
     assert heard.argmax() == 100
     assert heard[100] == pytest.approx(0.1, rel=0.2)
     assert np.delete(heard, range(97, 104)).max() < 0.1 * heard[100]

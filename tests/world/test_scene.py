@@ -1,7 +1,5 @@
 """Scenes: faces look into the air, cells list their blocks, clutter belongs to its block."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

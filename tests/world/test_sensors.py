@@ -1,16 +1,15 @@
 """Sensors beside sound and motion: their tables, their independence, their way to disk and back."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from planted_blocks import loaded
 
 from elfslam.base.errors import InputError
-from elfslam.base.values import Barometer, Emr, Magnetometer, Recording, Truth, WifiScans
+from elfslam.base.values import Recording, Truth
 from elfslam.world.device import BMI160, BROWSER
 from elfslam.world.sensors import Sensor, parse_sensors
 from elfslam.world.simulate import simulate
@@ -70,19 +69,13 @@ def sensed(studio: World) -> Recording:
 
 
 def bytes_of(value: object) -> bytes:
-    assert isinstance(value, WifiScans | Magnetometer | Emr | Barometer)
     arrays = [getattr(value, item.name) for item in fields(value)]
     return b"".join(values.tobytes() for values in arrays if isinstance(values, np.ndarray))
-
-
-# --- nothing else changes ---
 
 
 def test_a_walk_without_them_is_what_it_always_was(plain: tuple[Recording, Truth]) -> None:
     """Readings of this walk before these sensors existed; any other draw would change them."""
     recording, truth = plain
-    assert recording.audio is not None
-    assert recording.imu is not None
     assert [getattr(recording, name) for name in SENSED] == [None] * 4
     sound = recording.audio.samples[0, [5_000, 100_000, 300_000]]
     np.testing.assert_allclose(sound, [1.700160e-4, 2.359560e-4, -1.716932e-4], atol=1e-8)
@@ -93,15 +86,19 @@ def test_a_walk_without_them_is_what_it_always_was(plain: tuple[Recording, Truth
     assert recording.audio.samples.shape == (1, 910_003)
 
 
-def test_they_leave_sound_and_motion_alone(studio: World, plain: tuple[Recording, Truth]) -> None:
-    full = simulate(studio, 3, rounds=1, sensors=tuple(Sensor))
-    assert plain[0].audio is not None
-    assert plain[0].imu is not None
-    assert full[0].audio is not None
-    assert full[0].imu is not None
-    assert full[0].audio.samples.tobytes() == plain[0].audio.samples.tobytes()
-    assert full[0].imu.gyro_radps.tobytes() == plain[0].imu.gyro_radps.tobytes()
-    assert full[1].world_from_body.tobytes() == plain[1].world_from_body.tobytes()
+@pytest.mark.parametrize("more", [{"sensors": tuple(Sensor)}, {"sound": False}], ids=str)
+def test_motion_and_sound_stay_as_they_are(
+    studio: World, plain: tuple[Recording, Truth], more: dict[str, Any]
+) -> None:
+    """With other sensors, and the motion without any sound."""
+    recording, truth = simulate(studio, 3, rounds=1, **more)
+    if more.get("sound", True):
+        assert recording.audio.samples.tobytes() == plain[0].audio.samples.tobytes()
+    else:
+        assert recording.audio is None
+    assert recording.imu.accel_mps2.tobytes() == plain[0].imu.accel_mps2.tobytes()
+    assert recording.imu.gyro_radps.tobytes() == plain[0].imu.gyro_radps.tobytes()
+    assert truth.world_from_body.tobytes() == plain[1].world_from_body.tobytes()
 
 
 @pytest.mark.parametrize(("sensor", "name"), list(zip(Sensor, SENSED, strict=True)))
@@ -116,40 +113,20 @@ def test_each_reads_the_same_without_the_others(
     assert bytes_of(getattr(another_day, name)) != bytes_of(getattr(sensed, name))
 
 
-def test_without_sound_the_walk_is_the_same(studio: World, plain: tuple[Recording, Truth]) -> None:
-    silent, truth = simulate(studio, 3, rounds=1, sound=False)
-    heard, other_truth = plain
-    assert silent.audio is None
-    assert silent.imu is not None
-    assert heard.imu is not None
-    assert silent.imu.accel_mps2.tobytes() == heard.imu.accel_mps2.tobytes()
-    assert truth.world_from_body.tobytes() == other_truth.world_from_body.tobytes()
-
-
 def test_another_grade_and_another_way_to_scan(studio: World) -> None:
-    recording, truth = simulate(
-        studio, 3, rounds=1, sound=False, grade=BROWSER, sensors=[Sensor.WIFI], wifi=MALL_SCANS
-    )
+    scanned = {"sensors": [Sensor.WIFI], "wifi": MALL_SCANS}
+    recording, truth = simulate(studio, 3, rounds=1, sound=False, grade=BROWSER, **scanned)
     assert recording.device == f"simulated phone, {BROWSER.name}"
-    assert recording.imu is not None
-    assert recording.wifi is not None
     assert 1 / np.diff(recording.imu.t_s).mean() == pytest.approx(60.0)
     assert np.diff(recording.wifi.t_s).mean() == pytest.approx(2.2, abs=0.1)
     assert BMI160.name in simulate(studio, 3, rounds=1, sound=False)[0].device
     assert truth.t_s[-1] > 10
 
 
-# --- worlds ---
-
-
 @pytest.mark.parametrize("name", world_names())
 def test_built_in_worlds_have_something_for_every_sensor(name: str) -> None:
     world = loaded(name)
     recording = simulate(world, 0, rounds=1, sound=False, sensors=list(Sensor))[0]
-    assert world.surroundings is not None
-    assert recording.wifi is not None
-    assert recording.magnetometer is not None
-    assert recording.emr is not None
     assert len(recording.wifi.bssids) == len(world.surroundings.access_points) >= 5
     magnitude_ut = np.linalg.norm(recording.magnetometer.field_ut, axis=1)
     assert 30 < magnitude_ut.mean() < 75
@@ -160,14 +137,11 @@ def test_built_in_worlds_have_something_for_every_sensor(name: str) -> None:
 def test_the_walls_of_the_room_count(tmp_path: Path) -> None:
     """The neighbour is heard through one wall."""
     world = world_of(tmp_path, CLOSET + TABLES)
-    assert world.surroundings is not None
     heard = []
     for walls_m in (world.surroundings.walls_m, np.zeros((0, 2, 2))):
         around = replace(world.surroundings, walls_m=walls_m)
-        recording = simulate(
-            replace(world, surroundings=around), 0, rounds=2, sound=False, sensors=[Sensor.WIFI]
-        )[0]
-        assert recording.wifi is not None
+        changed = replace(world, surroundings=around)
+        recording = simulate(changed, 0, rounds=2, sound=False, sensors=[Sensor.WIFI])[0]
         heard.append(np.nanmean(recording.wifi.rssi_dbm, axis=0))
     neighbour, router = heard[1] - heard[0]
     assert neighbour == pytest.approx(6.0, abs=1.0)
@@ -182,9 +156,7 @@ def test_the_walls_of_the_room_count(tmp_path: Path) -> None:
         (Sensor.EMR, r"\[\[power_line\]\]"),
     ],
 )
-def test_a_world_without_a_table_refuses_its_sensor(
-    tmp_path: Path, sensor: Sensor, table: str
-) -> None:
+def test_a_world_without_table_refuses_sensors(tmp_path: Path, sensor: Sensor, table: str) -> None:
     with pytest.raises(InputError, match=f"sensor {sensor}: the world has no {table}; add one"):
         simulate(world_of(tmp_path, CLOSET), 0, rounds=1, sound=False, sensors=[sensor])
 
@@ -210,16 +182,11 @@ def test_a_world_without_a_table_refuses_its_sensor(
         ("[magnetic]", "[[magnetic]]", "magnetic: wanted a .magnetic. table"),
     ],
 )
-def test_a_broken_table_is_refused_by_name(
-    tmp_path: Path, old: str, new: str, complaint: str
-) -> None:
+def test_broken_tables_are_refused(tmp_path: Path, old: str, new: str, complaint: str) -> None:
     assert old in TABLES
     with pytest.raises(InputError, match=complaint) as refusal:
         world_of(tmp_path, CLOSET + TABLES.replace(old, new, 1))
     assert "\n" not in str(refusal.value)
-
-
-# --- names and disk ---
 
 
 def test_sensors_by_name() -> None:

@@ -1,7 +1,5 @@
 """People on a route: they stray, stop and walk back, within the free floor, as often as told."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 
@@ -11,18 +9,10 @@ from planted_blocks import loaded
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import ParameterError
+from elfslam.world import stroll
 from elfslam.world.materials import material
 from elfslam.world.room import box, shoebox, standing_room
 from elfslam.world.simulate import simulate
-from elfslam.world.stroll import (
-    LANES_M,
-    STOP_S,
-    Way,
-    lane_of,
-    random_person,
-    stroll_on,
-    way_through,
-)
 from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, Walker
 from elfslam.world.world_file import load_world
 
@@ -34,14 +24,14 @@ WITH_PILLAR = replace(HALL, blocks=(PILLAR,))
 
 
 def person_of(seed: int = 0, **habits: float) -> Walker:
-    person = random_person(np.random.default_rng(seed), 0.5)
+    person = stroll.random_person(np.random.default_rng(seed), 0.5)
     none = {"stops_per_min": 0.0, "ways_back_per_min": 0.0, "grips_per_min": 0.0}
-    return replace(person, **{**none, **habits})  # type: ignore[arg-type]
+    return replace(person, **{**none, **habits})
 
 
 @cache
-def way(*, with_pillar: bool) -> Way:
-    return way_through(WITH_PILLAR if with_pillar else HALL, ROUTE_M)
+def way(*, with_pillar: bool) -> stroll.Way:
+    return stroll.way_through(WITH_PILLAR if with_pillar else HALL, ROUTE_M)
 
 
 @cache
@@ -49,7 +39,7 @@ def motion_of(
     seed: int = 0, rounds: int = 2, *, with_pillar: bool = False, **habits: float
 ) -> Motion:
     along, generator = way(with_pillar=with_pillar), np.random.default_rng(seed)
-    return stroll_on(person_of(seed, **habits), along, rounds, generator)
+    return stroll.stroll_on(person_of(seed, **habits), along, rounds, generator)
 
 
 def beside(motion: Motion) -> F64:
@@ -90,7 +80,7 @@ def test_stops_take_time_and_no_way() -> None:
     brisk, often = motion_of(), motion_of(stops_per_min=6.0)
     stood = ground_speed(often) < 0.1
     assert stood.mean() > 2 * (ground_speed(brisk) < 0.1).mean()
-    assert often.t_s[-1] > brisk.t_s[-1] + 2 * STOP_S[0]
+    assert often.t_s[-1] > brisk.t_s[-1] + 2 * stroll.STOP_S[0]
 
 
 def test_ways_back_turn_round_and_end_all_the_same() -> None:
@@ -147,9 +137,8 @@ def test_some_new_grips_cover_a_port_until_the_next() -> None:
 
 
 def test_a_phone_points_aside_and_comes_back() -> None:
-    aside = np.concatenate(
-        [np.angle(np.exp(1j * (m.yaw_rad - m.heading_rad))) for m in map(motion_of, range(8))]
-    )
+    turns = (m.yaw_rad - m.heading_rad for m in map(motion_of, range(8)))
+    aside = np.concatenate([np.angle(np.exp(1j * turn)) for turn in turns])
     assert np.rad2deg(aside.std()) == pytest.approx(8.5, abs=2.5)  # 7 degrees, wobble and swing
     assert abs(np.rad2deg(aside.mean())) < 3
 
@@ -183,7 +172,6 @@ def test_the_quietest_second_of_people_is_that_of_real_walks() -> None:
     for kind, found in quietest.items():
         for seed in range(9 if kind == "person" else 3):
             imu = simulate(world, seed, rounds=2, walker=kind, sound=False)[0].imu
-            assert imu is not None
             seconds = (imu.gyro_radps[k : k + 100] for k in range(0, len(imu.t_s) - 100, 50))
             found.append(min(float(rows.std(axis=0).mean()) for rows in seconds))
     assert np.median(quietest["person"]) == pytest.approx(0.118, rel=0.25)
@@ -238,15 +226,14 @@ def test_whoever_walks_outside_a_bend_takes_more_steps_and_not_longer_ones(lane_
 
 @pytest.mark.parametrize(("world", "lane_m"), [("studio", 0.3), ("office", 0.5), ("mall", 0.8)])
 def test_the_larger_the_room_the_wider_the_lanes(world: str, lane_m: float) -> None:
-    assert lane_of(loaded(world).room) == lane_m
-    assert lane_m in [lane for _, lane in LANES_M]
+    assert stroll.lane_of(loaded(world).room) == lane_m
+    assert lane_m in [lane for _, lane in stroll.LANES_M]
 
 
 def test_people_are_simulated_and_others_refused() -> None:
     world = load_world("studio")
-    surveyor, person = (
-        simulate(world, 5, rounds=2, walker=kind, sound=False)[1] for kind in ("surveyor", "person")
-    )
+    kinds = ("surveyor", "person")
+    surveyor, person = (simulate(world, 5, rounds=2, walker=by, sound=False)[1] for by in kinds)
     assert person.t_s[-1] != surveyor.t_s[-1]
     assert standing_room(world.room, person.world_from_body[::10, :2]).mean() > 0.97
     with pytest.raises(ParameterError, match="walker 'dog': wanted surveyor or person"):

@@ -1,7 +1,6 @@
-"""Ordinary phones: what they have, how long they ring, and how far echoes are above their noise."""
+"""Ordinary phones: what they have, how they ring, what is heard above their noise and besides."""
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -12,25 +11,17 @@ from scipy import signal
 from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import InputError
 from elfslam.stages.chirp import ChirpParameters, make_chirp
+from elfslam.world import transducers
 from elfslam.world.circumstances import Circumstances, device_of
-from elfslam.world.device import Device, band_hz, random_device
+from elfslam.world.device import Device, band_hz, built_in_device, random_device
 from elfslam.world.diffuse import diffuse_echoes
+from elfslam.world.interference import RUMBLE_LEVEL, clicks, music_like, record, rumble, speech_like
 from elfslam.world.phone import Engine, poses_at, render_frames, room_responses
 from elfslam.world.pulses import SPEED_OF_SOUND_MPS
 from elfslam.world.room import Room
 from elfslam.world.scattering import as_measured, scattering_of
 from elfslam.world.scene import scene_of
-from elfslam.world.transducers import (
-    CONTROLLED_SHARE,
-    HEARD_HZ,
-    GainControl,
-    Lobes,
-    NearField,
-    Resonance,
-    controlled,
-    near_field,
-    ringing,
-)
+from elfslam.world.transducers import HEARD_HZ, Resonance, controlled, near_field, ringing
 from elfslam.world.world_file import load_world
 
 RATE_HZ = 44_100
@@ -56,17 +47,14 @@ def echoes_over_noise_db(studio: tuple[Room, Engine], device: Device) -> float:
     xy = xy[room.is_free(xy, 1.2, 0.3)][:24]
     poses = poses_at(np.column_stack([xy, np.full(len(xy), 1.2)]), xy[:, 0] * 7, 0 * xy[:, 0] + 0.4)
     chirp = make_chirp(ChirpParameters(), RATE_HZ)
-    frames = render_frames(
-        room_responses(scene_of(room), device, poses, engine=engine), chirp, device
-    )
+    responses = room_responses(scene_of(room), device, poses, engine=engine)
+    frames = render_frames(responses, chirp, device)
     band = signal.butter(6, (15_200, 19_800), "bandpass", fs=RATE_HZ, output="sos")
     noise = device.noise_rms * np.random.default_rng(1).standard_normal(frames.shape)
     direct_s = device.separation_m / SPEED_OF_SOUND_MPS
     window = slice(round((direct_s + 0.011) * RATE_HZ), round((direct_s + 0.064) * RATE_HZ))
-    power = [
-        np.mean(signal.sosfiltfilt(band, sound, axis=1)[:, window] ** 2, axis=1)
-        for sound in (frames, noise)
-    ]
+    heard = (signal.sosfiltfilt(band, sound, axis=1)[:, window] for sound in (frames, noise))
+    power = [np.mean(sound**2, axis=1) for sound in heard]
     return float(np.median(10 * np.log10(power[0] / power[1])))
 
 
@@ -79,9 +67,7 @@ def test_the_volume_matters(
     assert low_db < echoes_over_noise_db(studio, device) < high_db
 
 
-def test_random_ones_hear_as_much_of_their_noise_as_measured_ones(
-    studio: tuple[Room, Engine],
-) -> None:
+def test_random_ones_hear_as_much_noise_as_measured_ones(studio: tuple[Room, Engine]) -> None:
     """Measured, at 11 to 20 ms: 2 to 18 dB."""
     over_db = [echoes_over_noise_db(studio, phone) for phone in some_phones(24)]
     assert 2 < np.median(over_db) < 12
@@ -109,10 +95,10 @@ def test_they_have_lobes_and_some_ride_their_gain() -> None:
     assert np.abs(across[:, 0]).mean() > 0.7
     assert np.abs(across[:, 1:]).mean() > 0.1
     controlled = np.mean([phone.gain_control is not None for phone in phones])
-    assert controlled == pytest.approx(CONTROLLED_SHARE, abs=0.2)
+    assert controlled == pytest.approx(transducers.CONTROLLED_SHARE, abs=0.2)
 
 
-NEAR = NearField(0.8, 0.5e-3, seed=3)
+NEAR = transducers.NearField(0.8, 0.5e-3, seed=3)
 
 
 def test_the_near_field_has_the_power_that_it_says_and_dies_as_it_says() -> None:
@@ -131,13 +117,9 @@ def test_another_holder_scatters_otherwise() -> None:
     assert (near_field(replace(NEAR, gain=0.0), band_hz()) == 1.0).all()
 
 
-@pytest.mark.parametrize("wrong", [(-0.1, 1e-3), (0.5, 0.0), (np.nan, 1e-3)])
-def test_a_near_field_that_cannot_be_is_refused(wrong: tuple[float, float]) -> None:
-    with pytest.raises(InputError, match="near field: wanted a gain from 0 and a decay above 0"):
-        NearField(*wrong)
-
-
-CONTROL = GainControl(attack_s=0.004, release_s=0.2, target_level=0.05, most_gain_db=24.0)
+CONTROL = transducers.GainControl(
+    attack_s=0.004, release_s=0.2, target_level=0.05, most_gain_db=24.0
+)
 
 
 def tone(rms: float | F64, duration_s: float = 3.0) -> F32:
@@ -204,20 +186,6 @@ def test_what_comes_before_the_attack_is_limited() -> None:
     assert (np.abs(heard[: 2 * RATE_HZ]) < 0.01).all()
 
 
-@pytest.mark.parametrize(
-    "wrong", [{"attack_s": 0.0}, {"release_s": -1.0}, {"target_level": 0.0}, {"most_gain_db": -3.0}]
-)
-def test_a_control_that_cannot_be_is_refused(wrong: dict[str, float]) -> None:
-    with pytest.raises(InputError, match="gain control: wanted times and a target above 0"):
-        replace(CONTROL, **wrong)
-
-
-@pytest.mark.parametrize(("share", "spacing_m"), [(-0.1, 0.05), (1.1, 0.05), (0.3, -0.01)])
-def test_lobes_that_cannot_be_are_refused(share: float, spacing_m: float) -> None:
-    with pytest.raises(InputError, match="lobes: wanted a share from 0 to 1 and a spacing from 0"):
-        Lobes(share, spacing_m)
-
-
 RINGING_RATE_HZ, COUNT = 3.2e6, 2**16
 MODES = (Resonance(15_600.0, 8.0, 0.7), Resonance(17_300.0, 30.0, -0.5))
 
@@ -264,7 +232,127 @@ def test_resonances_add_up_beside_the_direct_sound() -> None:
     assert (ringing((), frequency_hz) == 1.0).all()
 
 
-@pytest.mark.parametrize("wrong", [(0.0, 5.0, 1.0), (17e3, 0.5, 1.0), (17e3, 5.0, np.nan)])
-def test_what_does_not_ring_is_refused(wrong: tuple[float, float, float]) -> None:
-    with pytest.raises(InputError, match=r"resonance: wanted a positive frequency, a q above 0\.5"):
-        Resonance(*wrong)
+REFUSED = {
+    transducers.NearField: [(-0.1, 1e-3), (0.5, 0.0), (np.nan, 1e-3)],
+    transducers.GainControl: [(0.0,), (0.1, -1.0), (0.1, 0.1, 0.0), (0.1, 0.1, 0.1, -3.0)],
+    transducers.Lobes: [(-0.1, 0.05), (1.1, 0.05), (0.3, -0.01)],
+    Resonance: [(0.0, 5.0, 1.0), (17e3, 0.5, 1.0), (17e3, 5.0, np.nan)],
+}
+SAID = {
+    transducers.NearField: "near field: wanted a gain from 0 and a decay above 0",
+    transducers.GainControl: "gain control: wanted times and a target above 0",
+    transducers.Lobes: "lobes: wanted a share from 0 to 1 and a spacing from 0",
+    Resonance: r"resonance: wanted a positive frequency, a q above 0\.5",
+}
+
+
+@pytest.mark.parametrize("kind", SAID)
+def test_what_cannot_be_is_refused(kind: type) -> None:
+    for wrong in REFUSED[kind]:
+        with pytest.raises(InputError, match=SAID[kind]):
+            kind(*wrong)
+
+
+SILENT = replace(built_in_device("flat"), noise_rms=0.0)
+Sound = Callable[[int, int, np.random.Generator, float], F32]
+
+
+def generator_of(seed: int) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+def share_db(sound: F32, low_hz: float, high_hz: float, rate_hz: int = RATE_HZ) -> float:
+    """Power between two frequencies relative to all of it."""
+    power = np.abs(np.fft.rfft(sound.astype(np.float64))) ** 2
+    frequency_hz = np.fft.rfftfreq(len(sound), 1 / rate_hz)
+    inside = (frequency_hz >= low_hz) & (frequency_hz < high_hz)
+    return float(10 * np.log10(power[inside].sum() / power.sum()))
+
+
+@pytest.mark.parametrize("make", [speech_like, music_like])
+@pytest.mark.parametrize("level", [0.003, 0.2])
+def test_speech_and_music_have_the_rms_asked_for(make: Sound, level: float) -> None:
+    sound = make(5 * RATE_HZ, RATE_HZ, generator_of(2), level)
+    assert np.sqrt(np.mean(sound.astype(np.float64) ** 2)) == pytest.approx(level, rel=1e-5)
+
+
+@pytest.mark.parametrize("rate_hz", [44_100, 48_000])
+def test_a_little_of_speech_reaches_the_band(rate_hz: int) -> None:
+    sound = speech_like(15 * rate_hz, rate_hz, generator_of(0), 0.05)
+    assert -50 < share_db(sound, 15_000, 20_000, rate_hz) < -40
+    assert share_db(sound, 80, 8_000, rate_hz) > -0.3
+    assert share_db(sound, 80, 4_000, rate_hz) > -0.5
+
+
+def test_speech_has_pauses_and_a_pitch() -> None:
+    sound = speech_like(20 * RATE_HZ, RATE_HZ, generator_of(5), 0.05)
+    rms = np.sqrt((sound.reshape(-1, RATE_HZ // 50) ** 2).mean(axis=1))
+    assert 0.05 < np.mean(rms < 1e-4) < 0.5
+    spectrum = np.abs(np.fft.rfft(sound.astype(np.float64)))
+    frequency_hz = np.fft.rfftfreq(len(sound), 1 / RATE_HZ)
+    assert spectrum[frequency_hz < 70].max() < 0.1 * spectrum.max()
+
+
+def test_cymbals_of_music_reach_the_band() -> None:
+    sound = music_like(15 * RATE_HZ, RATE_HZ, generator_of(0), 0.05)
+    assert -36 < share_db(sound, 15_000, 20_000) < -28
+    assert share_db(sound, 200, 6_000) > -0.3
+
+
+def test_clicks_come_as_often_as_asked_for() -> None:
+    """At 1.5 per second over 200 s: 300 give or take four times the root of that."""
+    sound = clicks(200 * RATE_HZ, RATE_HZ, generator_of(7), 0.1, per_s=1.5)
+    onset = np.flatnonzero(np.abs(sound) > 5e-4)
+    # Clicks closer than 30 ms run together: 1.5 * 0.03 of them.
+    heard = 1 + np.count_nonzero(np.diff(onset) > 0.02 * RATE_HZ)
+    assert abs(heard - 300 * (1 - 1.5 * 0.03)) < 4 * np.sqrt(300)
+
+
+def test_clicks_are_in_the_band_and_as_loud_as_asked_for() -> None:
+    sound = clicks(100 * RATE_HZ, RATE_HZ, generator_of(9), 0.05, per_s=1.0)
+    assert share_db(sound, 12_500, 21_500) > -0.5
+    assert share_db(sound, 15_000, 20_000) > -4
+    peaks = np.abs(sound).reshape(200, -1).max(axis=1)
+    assert np.median(peaks[peaks > 5e-3]) == pytest.approx(0.05, rel=0.35)
+    assert not clicks(RATE_HZ, RATE_HZ, generator_of(9), 0.05, per_s=0.0).any()
+
+
+def test_rumble_is_low_and_the_one_of_old() -> None:
+    sound = rumble(10 * RATE_HZ, RATE_HZ, generator_of(3))
+    white = generator_of(3).standard_normal(10 * RATE_HZ)
+    low_pass = signal.butter(2, 4_000, fs=RATE_HZ, output="sos")
+    np.testing.assert_allclose(sound, 3e-4 * signal.sosfilt(low_pass, white), rtol=1e-6)
+    assert RUMBLE_LEVEL == 3e-4
+    assert sound.std() == pytest.approx(1.33e-4, rel=0.02)
+    assert share_db(sound, 15_000, 20_000) < -35
+
+
+def test_the_noise_floor_is_the_phones() -> None:
+    phone = built_in_device("cheap")
+    floor = record(np.zeros(200_000, dtype=np.float32), phone, generator_of(0))
+    assert floor.dtype == np.float32
+    assert floor.std() == pytest.approx(phone.noise_rms, rel=0.01)
+    assert share_db(floor, 15_000, 20_000) == pytest.approx(10 * np.log10(5_000 / 22_050), abs=0.1)
+
+
+@pytest.mark.parametrize("skew_ppm", [20.0, -20.0, 300.0])
+def test_the_clock_moves_a_late_chirp_by_what_it_gained(skew_ppm: float) -> None:
+    """A pulse at sample k of what was played stands at k (1 + skew)."""
+    phone = replace(SILENT, clock_skew_ppm=skew_ppm)
+    count, at = 500_000, 450_000
+    pulse = signal.gausspulse((np.arange(count) - at) / RATE_HZ, fc=17_500, bw=0.1)
+    recorded = record(pulse.astype(np.float32), phone, generator_of(0))
+    envelope = np.abs(signal.hilbert(recorded[at - 500 : at + 500])) ** 2
+    centre = at - 500 + float(np.average(np.arange(1000), weights=envelope))
+    assert centre - at == pytest.approx(at * skew_ppm * 1e-6, abs=0.01)
+
+
+def test_a_slow_clock_ends_in_silence_and_a_fast_one_before_the_end() -> None:
+    count = 100_000
+    sound = np.ones(count, dtype=np.float32)
+    slow = record(sound, replace(SILENT, clock_skew_ppm=-1_000.0), generator_of(0))
+    fast = record(sound, replace(SILENT, clock_skew_ppm=1_000.0), generator_of(0))
+    assert len(slow) == len(fast) == count
+    assert not slow[-60:].any()
+    assert np.abs(slow[50:-150] - 1).max() < 1e-3
+    assert np.abs(fast[50:] - 1).max() < 1e-3

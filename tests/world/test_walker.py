@@ -1,7 +1,5 @@
 """The walker: a gait that agrees with itself, and rests at both ends."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -9,36 +7,26 @@ import pytest
 from scipy.special import ndtr
 
 from elfslam.base.arrays import F64
-from elfslam.world.walker import (
-    CORNER_RADIUS_M,
-    KINEMATICS_RATE_HZ,
-    TYPICAL_CADENCE_HZ,
-    TYPICAL_SPEED_MPS,
-    TYPICAL_STEP_M,
-    Motion,
-    Walker,
-    cadence_hz,
-    random_walker,
-    walk,
-)
+from elfslam.world import walker as walkers
+from elfslam.world.walker import KINEMATICS_RATE_HZ, TYPICAL_STEP_M, Motion, cadence_hz, walk
 
 ROUTE_M = np.array([[1.0, 1.0], [7.0, 1.0], [7.0, 5.0], [1.0, 5.0]])
 """Counter-clockwise, 20 m without its rounded corners."""
 SHARE = ndtr(np.linspace(-8, 8, 2001))
-LAP_M = 20.0 - 4 * CORNER_RADIUS_M * np.trapezoid(1 - np.hypot(SHARE, 1 - SHARE), dx=0.008)
+LAP_M = 20.0 - 4 * walkers.CORNER_RADIUS_M * np.trapezoid(1 - np.hypot(SHARE, 1 - SHARE), dx=0.008)
 """Length once a Gaussian has rounded the corners: it mixes the two directions of each."""
 SEEDS = range(2)
 
 
-def walker_of(seed: int = 0) -> Walker:
-    return random_walker(np.random.default_rng(seed))
+def walker_of(seed: int = 0) -> walkers.Walker:
+    return walkers.random_walker(np.random.default_rng(seed))
 
 
 def motion_of(seed: int = 0, *, rounds: int = 2, route_m: F64 = ROUTE_M) -> Motion:
     return walk(walker_of(seed), route_m, rounds, np.random.default_rng([seed, 7]))
 
 
-def straight_walker() -> Walker:
+def straight_walker() -> walkers.Walker:
     """Someone who follows the route to the centimetre."""
     return replace(walker_of(), wander_m=0.0, sway_m=0.0)
 
@@ -70,9 +58,9 @@ def test_random_walkers_are_people(seed: int) -> None:
 
 def test_a_typical_walker_takes_typical_steps() -> None:
     typical = replace(walker_of(), step_factor=1.0)
-    cadence = cadence_hz(typical, np.array([TYPICAL_SPEED_MPS]))[0]
-    assert cadence == pytest.approx(TYPICAL_CADENCE_HZ)
-    assert TYPICAL_SPEED_MPS / cadence == pytest.approx(TYPICAL_STEP_M)
+    cadence = cadence_hz(typical, np.array([walkers.TYPICAL_SPEED_MPS]))[0]
+    assert cadence == pytest.approx(walkers.TYPICAL_CADENCE_HZ)
+    assert walkers.TYPICAL_SPEED_MPS / cadence == pytest.approx(TYPICAL_STEP_M)
 
 
 @pytest.mark.parametrize("step_factor", [0.9, 1.0, 1.1])
@@ -95,7 +83,7 @@ def test_nobody_steps_backwards() -> None:
 def test_steps_times_their_length_are_the_distance_walked(seed: int) -> None:
     walker, motion = walker_of(seed), motion_of(seed)
     cadence = rate(motion.steps)
-    step_m = walker.step_factor * TYPICAL_STEP_M * cadence / TYPICAL_CADENCE_HZ
+    step_m = walker.step_factor * TYPICAL_STEP_M * cadence / walkers.TYPICAL_CADENCE_HZ
     assert np.sum(step_m * cadence) / KINEMATICS_RATE_HZ == pytest.approx(2 * LAP_M, rel=2e-3)
 
 
@@ -106,7 +94,7 @@ def test_no_step_is_shorter_in_a_turn() -> None:
     way_m = np.concatenate([[0], np.cumsum(ground_speed(motion))]) / KINEMATICS_RATE_HZ
     footfalls = np.searchsorted(motion.steps, np.arange(4, int(motion.steps[-1]) - 3))
     step_s = np.diff(motion.t_s[footfalls])
-    expected_m = walker.step_factor * TYPICAL_STEP_M / (TYPICAL_CADENCE_HZ * step_s)
+    expected_m = walker.step_factor * TYPICAL_STEP_M / (walkers.TYPICAL_CADENCE_HZ * step_s)
     np.testing.assert_allclose(np.diff(way_m[footfalls]), expected_m, rtol=0.03)
 
 
@@ -188,9 +176,8 @@ def test_the_phone_is_held_as_the_walker_holds_it() -> None:
 
 
 def test_standing_longer_makes_the_walk_longer() -> None:
-    short, long = (
-        walk(walker_of(), ROUTE_M, 1, np.random.default_rng(0), standing_s=s) for s in (1.0, 6.0)
-    )
+    draws = ((np.random.default_rng(0), s) for s in (1.0, 6.0))
+    short, long = (walk(walker_of(), ROUTE_M, 1, draw, standing_s=s) for draw, s in draws)
     still = rate(long.steps) < 1e-3
     assert long.t_s[-1] - short.t_s[-1] == pytest.approx(10.0, abs=2.0)
     assert still[: int(5 * KINEMATICS_RATE_HZ)].all()

@@ -1,7 +1,5 @@
 """Wi-Fi: path loss, walls, shadows that stay with the place, and scans with stale entries."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -39,9 +37,6 @@ def scans_of(
     return made
 
 
-# --- the law ---
-
-
 @pytest.mark.parametrize(
     ("channel", "mhz"), [(1, 2412), (6, 2437), (13, 2472), (14, 2484), (36, 5180)]
 )
@@ -59,9 +54,8 @@ def test_free_space_at_one_metre() -> None:
     """20 log10(4 pi d f / c) is 40.2 dB at 1 m and 2437 MHz."""
     at = np.array([[1.0, 0.0, 0.0]])
     loss_db = 20 * np.log10(4 * np.pi * 2437e6 / 299_792_458)
-    assert wifi.mean_rssi_dbm(point(0, 0, 0), at, NO_WALLS, CLEAN)[0] == pytest.approx(
-        16 - loss_db, abs=0.01
-    )
+    heard_dbm = wifi.mean_rssi_dbm(point(0, 0, 0), at, NO_WALLS, CLEAN)
+    assert heard_dbm[0] == pytest.approx(16 - loss_db, abs=0.01)
 
 
 @pytest.mark.parametrize("exponent", [2.0, 3.5])
@@ -90,13 +84,8 @@ def test_walls_are_counted() -> None:
 def test_every_wall_costs_the_same() -> None:
     at = np.array([[-3.0, 2.0, 1.0]])
     behind_two = point(6.0, 2.0, 1.0)
-    free, walled = (
-        wifi.mean_rssi_dbm(behind_two, at, walls, CLEAN)[0] for walls in (NO_WALLS, SQUARE)
-    )
+    free, walled = (wifi.mean_rssi_dbm(behind_two, at, by, CLEAN)[0] for by in (NO_WALLS, SQUARE))
     assert free - walled == pytest.approx(2 * CLEAN.wall_loss_db)
-
-
-# --- shadows ---
 
 
 @pytest.mark.parametrize("correlation_m", [2.0, 8.0])
@@ -123,14 +112,10 @@ def test_shadows_stay_with_the_place() -> None:
     parameters = replace(CLEAN, shadowing_db=6.0, scan_rate_hz=5.0)
     first, again = (scans_of(motion, points, parameters, seed) for seed in (0, 1))
     elsewhere = wifi.scan(motion, points, NO_WALLS, 6, np.random.default_rng(0), parameters)
-    assert elsewhere is not None
     heard_s = [scans.t_s - scans.age_s[:, 0] for scans in (first, again)]
     shared = np.interp(heard_s[0], heard_s[1], again.rssi_dbm[:, 0]) - first.rssi_dbm[:, 0]
     assert np.abs(shared[1:-1]).mean() < 1.5
     assert np.abs(elsewhere.rssi_dbm[:, 0] - first.rssi_dbm[:, 0]).mean() > 2.0
-
-
-# --- scans ---
 
 
 def test_scans_come_at_the_rate() -> None:
@@ -171,9 +156,8 @@ def test_nothing_heard_is_no_scan() -> None:
 
 
 def test_missed_entries_are_repeated_until_they_are_forgotten() -> None:
-    parameters = replace(
-        CLEAN, missed_share=0.7, missed_halving_db=1e9, scan_rate_hz=0.5, forget_s=20.0
-    )
+    seldom = replace(CLEAN, missed_share=0.7, missed_halving_db=1e9)
+    parameters = replace(seldom, scan_rate_hz=0.5, forget_s=20.0)
     scans = scans_of(straight_walk(2000, 0.001), [point(0.0, 5.0, 2.0)], parameters)
     age_s = scans.age_s[:, 0]
     stale = np.flatnonzero(age_s > 2.0)
@@ -188,11 +172,8 @@ def test_missed_entries_are_repeated_until_they_are_forgotten() -> None:
 
 def test_strong_beacons_are_seldom_missed() -> None:
     parameters = replace(CLEAN, missed_share=0.6)
-    scans = scans_of(
-        straight_walk(2000, 0.0),
-        [point(2.0, 0.0, 1.2), point(100.0, 0.0, 1.2, bssid="b")],
-        parameters,
-    )
+    points = [point(2.0, 0.0, 1.2), point(100.0, 0.0, 1.2, bssid="b")]
+    scans = scans_of(straight_walk(2000, 0.0), points, parameters)
     fresh = (scans.age_s < 1.7).mean(axis=0)
     above_db = scans.rssi_dbm[-1] - parameters.threshold_dbm
     expected = 1 - 0.6 * 0.5 ** (above_db / parameters.missed_halving_db)

@@ -1,17 +1,18 @@
 """World files: round numbers come out as written, and every mistake is named with its line."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
 import numpy as np
+import numpy.testing as npt
 import pytest
 from planted_blocks import loaded
 
 from elfslam.base.errors import InputError
 from elfslam.base.grid import in_ring
+from elfslam.world import toml_tables
 from elfslam.world.room import Room, standing_room
+from elfslam.world.toml_tables import Table, read_table
 from elfslam.world.world_file import World, in_state, load_world, parse_world, world_names
 
 BOX = """
@@ -106,9 +107,6 @@ def corner() -> World:
     return parsed(POLYGON)
 
 
-# --- what is written comes out ---
-
-
 def test_a_box(closet: World) -> None:
     room = closet.room
     assert (closet.name, room.height_m, room.seed) == ("closet", 2.5, 3)
@@ -125,19 +123,19 @@ def test_a_box(closet: World) -> None:
 def test_pieces_of_furniture_and_partitions(closet: World) -> None:
     stool, shelf, screen = closet.room.blocks
     assert stool.surface.name == "sofa"
-    np.testing.assert_allclose(stool.centre_m, [2.0, 1.6])
+    npt.assert_allclose(stool.centre_m, [2.0, 1.6])
     assert (shelf.base_m, shelf.top_m, shelf.clutter_per_m2) == (1.9, pytest.approx(2.2), 2.0)
     assert shelf.surface.name == "wood panel"
     assert (screen.name, screen.clutter_per_m2, screen.top_m) == ("screen", 0.0, 1.5)
     wanted = [[3.0, 1.475], [4.0, 1.475], [4.0, 1.525], [3.0, 1.525]]
-    np.testing.assert_allclose(screen.corners_m, wanted)
+    npt.assert_allclose(screen.corners_m, wanted)
 
 
 def test_a_state_moves_turns_and_removes(closet: World) -> None:
     tidied = in_state(closet, "tidied")
     stool, shelf = tidied.room.blocks
     assert (stool.name, shelf.name) == ("stool", "shelf")
-    np.testing.assert_allclose(stool.centre_m, [3.0, 1.8])
+    npt.assert_allclose(stool.centre_m, [3.0, 1.8])
     assert stool.turn_rad == pytest.approx(np.pi / 2)
     assert shelf is closet.room.blocks[1]
     assert len(closet.room.blocks) == 3, "the world itself stays as it was"
@@ -149,7 +147,6 @@ def test_people_climate_and_surroundings(closet: World) -> None:
     assert closet.people.speed_mps == 0.9
     assert [route.tolist() for route in closet.people.routes_m] == [[[0.8, 2.4], [4.8, 2.4]]]
     assert (closet.climate.temperature_c, closet.climate.humidity_percent) == (18.0, 60.0)
-    assert closet.surroundings is not None
     assert [point.bssid for point in closet.surroundings.access_points] == ["router"]
     assert closet.surroundings.field is not None
     assert closet.surroundings.power_lines[0].current_a.tolist() == [1.0, 0.1]
@@ -161,17 +158,14 @@ def test_what_may_be_left_out() -> None:
     assert bare.room.seed == 3
     assert (len(bare.spots_m), dict(bare.states), bare.people.routes_m) == (0, {}, ())
     assert (bare.climate.temperature_c, bare.climate.humidity_percent) == (None, 50.0)
-    assert bare.surroundings is not None
     assert bare.surroundings.access_points == ()
 
 
 def test_a_clockwise_polygon_keeps_materials_with_their_sides(corner: World) -> None:
     room = corner.room
     ends = np.roll(room.outline_m, -1, axis=0)
-    middles = {
-        wall.name: ((a + b) / 2).tolist()
-        for a, b, wall in zip(room.outline_m, ends, room.walls, strict=True)
-    }
+    sides = zip(room.outline_m, ends, room.walls, strict=True)
+    middles = {wall.name: ((a + b) / 2).tolist() for a, b, wall in sides}
     assert middles == {
         "brick": [0.0, 3.0], "glass": [1.5, 6.0], "plaster": [3.0, 4.5], "door": [5.5, 3.0],
         "curtain": [8.0, 1.5], "concrete": [4.0, 0.0],
@@ -187,12 +181,7 @@ def test_rows_of_the_same_and_grids_of_spots(corner: World) -> None:
     step = corner.room.blocks[1].centre_m - corner.room.blocks[0].centre_m
     assert step.tolist() == [1.0, 0.0]
     assert corner.spots_m.shape == (12, 2)
-    np.testing.assert_allclose(
-        corner.spots_m[[0, 1, 4, -1]], [[1, 1], [1.1, 1], [1, 1.1], [1.3, 1.2]]
-    )
-
-
-# --- the worlds that come along ---
+    npt.assert_allclose(corner.spots_m[[0, 1, 4, -1]], [[1, 1], [1.1, 1], [1, 1.1], [1.3, 1.2]])
 
 
 def reflections(room: Room) -> list[float]:
@@ -246,7 +235,6 @@ def test_a_built_in_world_can_be_walked(
 def test_each_state_moves_five_pieces() -> None:
     for name in world_names():
         world = loaded(name)
-        assert world.states
         for state in world.states.values():
             here = {block.name: block for block in world.room.blocks}
             moved = [block for block in state.blocks if block is not here[block.name]]
@@ -260,16 +248,11 @@ def test_a_world_from_a_file(tmp_path: Path) -> None:
 
 
 def test_the_example_of_the_manual_is_a_world() -> None:
-    manual = (Path(__file__).parents[2] / "docs" / "how-to" / "own_world.md").read_text(
-        encoding="utf-8"
-    )
+    manual = Path(__file__).parents[2] / "docs" / "how-to" / "own_world.md"
+    manual = manual.read_text(encoding="utf-8")
     example = re.search(r'```toml\n(name = "kitchen".*?)```', manual, re.S)
-    assert example
     world = parsed(example[1])
     assert (len(world.room.walls), list(world.states)) == (6, ["party"])
-
-
-# --- refusals ---
 
 
 @pytest.mark.parametrize("name", ["garage", "", "../world", "no/such/file.toml"])
@@ -429,3 +412,77 @@ def test_an_outline_of_countless_corners_is_refused_at_once() -> None:
     size = "size_m = [6.0, 4.0, 2.5]"
     with pytest.raises(InputError, match="outline_m has 201, wanted 200 at most"):
         parsed(BOX.replace(size, f"outline_m = {a_circle(201)}\nheight_m = 2.5"))
+
+
+TEXT = """\
+# a comment = 1
+name = "x"
+corners = [
+  [1.0, 2.0],
+  [3.0, 4.0],
+]
+climate.warm = 3
+
+[one] # header
+value = 7
+"quoted" = 2
+
+[[many]]
+name = "first"
+value = 1
+
+[[many]]
+
+value = 2
+"""
+
+
+@pytest.fixture
+def top() -> Table:
+    return read_table(TEXT, "x.toml")
+
+
+def line_of(given: Table, key: str = "") -> int:
+    return int(str(given.refusal("wrong", key)).split()[2].strip(":,"))
+
+
+def test_every_key_has_its_line(top: Table) -> None:
+    assert [line_of(top, key) for key in ("", "name", "corners", "climate", "one")] == [
+        1, 2, 3, 7, 9,
+    ]  # fmt: skip
+    one = toml_tables.table(top, "one")
+    assert [line_of(one, key) for key in ("", "value", "quoted", "missing")] == [9, 10, 11, 9]
+    first, second = toml_tables.tables(top, "many")
+    assert [line_of(first), line_of(first, "name"), line_of(first, "value")] == [13, 14, 15]
+    assert [line_of(second), line_of(second, "value")] == [17, 19]
+    assert (first.label, second.label) == ('many 1 "first"', "many 2")
+
+
+def test_tables_without_headers_get_the_line_of_their_key() -> None:
+    top = read_table('x = 1\nmany = [{ name = "a" }, { name = "b" }]\none = { y = 2 }\n', "f")
+    assert [line_of(item) for item in toml_tables.tables(top, "many")] == [2, 2]
+    assert line_of(toml_tables.table(top, "one"), "y") == 3
+
+
+@pytest.mark.parametrize("value", ["inf", "nan", "true", '"7"', "[7]", "-501", "501"])
+def test_what_is_no_number_of_metres_is_refused(value: str) -> None:
+    with pytest.raises(InputError, match=r"^f line 2: x is .*, wanted a number from -500 to 500"):
+        toml_tables.number(read_table(f"\nx = {value}", "f"), "x")
+
+
+def test_a_missing_value_and_an_unknown_key_are_refused(top: Table) -> None:
+    with pytest.raises(InputError, match=r"^x\.toml line 17, many 2: lacks name; add it"):
+        toml_tables.text(toml_tables.tables(top, "many")[1], "name")
+    with pytest.raises(InputError, match=r"line 11, one: knows no 'quoted'; .* mean 'quote'"):
+        toml_tables.check_keys(toml_tables.table(top, "one"), ("value", "quote"))
+    with pytest.raises(InputError, match="line 11, one: knows no 'quoted'; wanted value; remove"):
+        toml_tables.check_keys(toml_tables.table(top, "one"), ("value",))
+
+
+@pytest.mark.parametrize(
+    ("text", "line"), [("x = 1\ny = = 2\n", 2), ("x = 1\n\nx = 2\n", 3), ("x = [1,", 1)]
+)
+def test_what_is_no_toml_is_refused_with_its_line(text: str, line: int) -> None:
+    with pytest.raises(InputError, match=f"^f line {line}: is no TOML") as refusal:
+        read_table(text, "f")
+    assert "\n" not in str(refusal.value)

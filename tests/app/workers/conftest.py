@@ -1,7 +1,5 @@
 """Processes elsewhere find what these tests plant."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Iterator

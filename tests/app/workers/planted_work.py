@@ -1,7 +1,5 @@
 """What is done elsewhere in these tests: a process there imports it by its name."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import signal

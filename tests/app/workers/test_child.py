@@ -1,7 +1,5 @@
 """Children end with whoever began them, be they in the middle of a call into C or not begun."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
@@ -45,9 +43,7 @@ def alive(processes: list[str]) -> list[str]:
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM], ids=["SIGKILL", "SIGTERM"])
 @pytest.mark.parametrize(("each", "task"), [EACH, IN_ORDER, DEAF])
-def test_workers_end_with_their_driver(
-    each: str, task: str, number: signal.Signals, tmp_path: Path
-) -> None:
+def test_workers_end_with_it(each: str, task: str, number: signal.Signals, tmp_path: Path) -> None:
     """Who goes on would begin the same units again while they still work on them."""
     script = tmp_path / "driver.py"
     script.write_text(DRIVER.format(each=each, task=task))
@@ -92,5 +88,5 @@ def test_a_worker_that_is_given_up_tidies_up(tmp_path: Path) -> None:
         found = workers.each(tidy, [str(tmp_path / "done"), str(left)])
         next(found)
         until(left.exists, "the beginning")
-        found.close()  # type: ignore[attr-defined]
+        found.close()
     assert not left.exists()

@@ -1,7 +1,5 @@
 """Results in order: the same bits whoever makes them, few ahead, and again after a kill."""
 
-from __future__ import annotations
-
 import os
 import time
 from dataclasses import replace

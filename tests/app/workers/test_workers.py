@@ -1,7 +1,5 @@
 """Processes and clusters: the same results as here, errors that come back, workers that die."""
 
-from __future__ import annotations
-
 import os
 import pickle
 import socket
@@ -14,14 +12,8 @@ from typing import Any
 import pytest
 from planted_work import die, die_once, process, refuse, square, threads
 
-from elfslam.app.workers import (
-    Workers,
-    check_on,
-    open_workers,
-    silent_elsewhere,
-    unit_key,
-    why_away,
-)
+from elfslam.app import workers as pools
+from elfslam.app.workers import Workers, open_workers, silent_elsewhere, unit_key, why_away
 from elfslam.base.errors import InputError, WorkerError
 
 pytestmark = pytest.mark.real
@@ -39,7 +31,7 @@ def test_tasks_are_taken_as_they_are_needed(workers: Workers) -> None:
     taken = []
     found = workers.each(square, (taken.append(k) or k for k in count()))
     assert {next(found)[0] for _ in range(5)} <= set(range(5 + 6 * workers.count))
-    found.close()  # type: ignore[attr-defined]
+    found.close()
     assert len(taken) <= 5 + 6 * workers.count
 
 
@@ -92,7 +84,7 @@ def test_a_cluster_that_is_not_there_is_refused() -> None:
 )
 def test_who_is_nobody_is_refused_of_choosing(on: str) -> None:
     with pytest.raises(InputError, match=r"wanted a number of processes, ray or ray://") as said:
-        check_on(on)
+        pools.check_on(on)
     assert "hunter2" not in str(said.value)
 
 

@@ -1,7 +1,5 @@
 """Planted walks: a place is a smooth random field of features over position and heading."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -29,9 +27,8 @@ def place(seed: int) -> Place:
     def heard(poses: F64) -> F32:
         looking = np.column_stack([poses[:, :2], np.sin(poses[:, 2])])
         vectors = np.cos(looking @ waves + phase)
-        return np.asarray(
-            vectors / np.linalg.norm(vectors, axis=1, keepdims=True), dtype=np.float32
-        )
+        length = np.linalg.norm(vectors, axis=1, keepdims=True)
+        return np.asarray(vectors / length, dtype=np.float32)
 
     return heard
 

@@ -1,23 +1,14 @@
 """Walks over the same two floors, planted: one counts from below, the other from above."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import numpy.testing as npt
 import pytest
 
+from elfslam.base import values
 from elfslam.base.building import BuildingFloor
 from elfslam.base.errors import InputError
-from elfslam.base.values import (
-    NO_CLOSURES,
-    Features,
-    LevelPassage,
-    Levels,
-    Odometry,
-    Trajectory,
-)
 from elfslam.slam.merging import MappedWalk, MergeParameters, merge
 from elfslam.slam.merging.floors import merged_building, merged_floors, numbered_alike
 from elfslam.slam.merging.members import links_between, side_of
@@ -43,16 +34,16 @@ def walk(name: str, *plan: int) -> MappedWalk:
     when = [(k * LAP * 0.5, float(floor - plan[0]), None) for k, floor in enumerate(plan)]
     rows = [when[0]]
     for at_s, level, _ in when[1:]:
-        rows += [(at_s - 1.0, np.nan, LevelPassage.STAIRS), (at_s + 1.0, level, None)]
+        rows += [(at_s - 1.0, np.nan, values.LevelPassage.STAIRS), (at_s + 1.0, level, None)]
     at_s, level, by = zip(*rows, strict=True)
     covariance = np.tile(np.eye(3) * 1e-4, (len(t_s), 1, 1))
     return MappedWalk(
         name,
-        Odometry(t_s, poses, np.tile([0.02, 0.02, 0.005], (len(t_s) - 1, 1))),
-        Trajectory(t_s, poses, covariance, np.zeros(0), "OK"),
-        NO_CLOSURES,
-        Features(heard_s, vectors, "planted"),
-        levels=Levels(np.array(at_s), np.array(level), by),
+        values.Odometry(t_s, poses, np.tile([0.02, 0.02, 0.005], (len(t_s) - 1, 1))),
+        values.Trajectory(t_s, poses, covariance, np.zeros(0), "OK"),
+        values.NO_CLOSURES,
+        values.Features(heard_s, vectors, "planted"),
+        levels=values.Levels(np.array(at_s), np.array(level), by),
     )
 
 
@@ -65,12 +56,10 @@ UP, DOWN = (0, 1), (1, 0)
 
 
 def test_whose_levels_count_from_elsewhere_is_numbered_by_the_sound() -> None:
-    walks, numbered = numbered_alike(
-        [walk("one", *UP), walk("other", *DOWN)], [floors(UP), floors(DOWN)], KNOWN
-    )
+    both = [walk("one", *UP), walk("other", *DOWN)]
+    walks, numbered = numbered_alike(both, [floors(UP), floors(DOWN)], KNOWN)
     assert floors(DOWN)[0].level == -1
     assert [each.level for each in numbered[1]] == [0, 1]
-    assert walks[1].levels is not None
     npt.assert_array_equal(walks[1].levels.level, [1, np.nan, 0])
 
 
@@ -86,7 +75,6 @@ def test_nothing_links_two_floors() -> None:
     links = links_between(*sides, KNOWN)
     assert len(links.i) > 20
     assert (sides[0].level[links.i] == sides[1].level[links.j]).all()
-    assert other.levels is not None
     elsewhere = replace(other.levels, level=other.levels.level + 1)
     moved = links_between(sides[0], side_of(replace(other, levels=elsewhere), KNOWN), KNOWN)
     assert len(moved.i) < len(links.i) / 2
@@ -109,4 +97,4 @@ def test_walks_are_one_building_with_a_map_a_floor() -> None:
         assert there.sum() == pytest.approx(LAP * ECHOES, rel=0.1), level
     building = merged_building("hall", walks, trajectories, numbered, [0, 1])
     assert [each.height_m for each in building.floors] == [0, 4]
-    assert {each.kind for each in building.passages} == {LevelPassage.STAIRS}
+    assert {each.kind for each in building.passages} == {values.LevelPassage.STAIRS}

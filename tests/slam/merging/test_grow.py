@@ -1,6 +1,4 @@
-"""Walks become a map, and a map takes in more."""
-
-from __future__ import annotations
+"""Walks become a map, which takes in more; what newer walks pass fades."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -11,9 +9,10 @@ import pytest
 
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import between, compose, inverse
-from elfslam.base.values import Closures, Features
-from elfslam.slam.merging import MergeParameters, add_walk, grow, lay_walk, merge
-from elfslam.slam.merging.grow import grouped, turned_round
+from elfslam.base.values import Closures, Features, FloorMap, MeanSimilarity, Run
+from elfslam.slam.merging import MergeParameters, add_walk, grow, lay_walk, members, merge, walk_of
+from elfslam.slam.merging.forgetting import chosen_spots, renewed, stacked
+from elfslam.slam.merging.grow import grouped, map_of, turned_round
 from elfslam.slam.merging.members import Side, links_between, side_of, similarity_to
 from elfslam.stages.map_alignment import Registration
 
@@ -21,9 +20,7 @@ KNOWN = MergeParameters()
 START = np.array([5.0, -3.0, 2.0])
 
 
-def test_two_walks_become_one_map_in_the_frame_of_the_first(
-    walker: Callable, here: Callable
-) -> None:
+def test_two_walks_become_a_map_in_the_frame_of_the_first(walker: Callable, here: Callable) -> None:
     walks = [walker(here, "a"), walker(here, "b", start=START, seed=1)]
     made = merge(walks, KNOWN)
     (joined,) = made.maps
@@ -48,9 +45,7 @@ def test_two_rooms_stay_two_maps(walker: Callable, here: Callable, elsewhere: Ca
     assert alone.refused["a"].startswith("with b: ")
 
 
-def test_a_walk_joins_a_map_whose_spots_stay(
-    walker: Callable, here: Callable, elsewhere: Callable
-) -> None:
+def test_a_walk_joins_a_fixed_map(walker: Callable, here: Callable, elsewhere: Callable) -> None:
     floor_map = merge([walker(here, "a"), walker(here, "b", seed=1)], KNOWN).maps[0].floor_map
     grown, found, trajectory = add_walk(floor_map, walker(here, "c", start=START, seed=2), KNOWN)
     assert found.refusal == ""
@@ -84,15 +79,12 @@ def test_a_walk_is_laid_where_it_says_in_a_map_that_it_shares_no_ground_with(
     laid, trajectory = lay_walk(floor_map, away, KNOWN)
     assert laid.sources == ("a", "b", "c")
     npt.assert_array_equal(laid.xy_m[laid.walk < 2], floor_map.xy_m)
-    npt.assert_allclose(
-        trajectory.world_from_body[:, :2], away.trajectory.world_from_body[:, :2], atol=0.05
-    )
+    xy_m = away.trajectory.world_from_body[:, :2]
+    npt.assert_allclose(trajectory.world_from_body[:, :2], xy_m, atol=0.05)
     assert trajectory.covariance[0, 0, 0] > 0.5 * KNOWN.merging.start_sigma_m**2
 
 
-def test_a_walk_that_is_laid_is_drawn_to_what_sounds_alike(
-    walker: Callable, here: Callable
-) -> None:
+def test_a_laid_walk_is_drawn_to_what_sounds_alike(walker: Callable, here: Callable) -> None:
     floor_map = merge([walker(here, "a"), walker(here, "b", seed=1)], KNOWN).maps[0].floor_map
     true = walker(here, "c", seed=2).trajectory.world_from_body
     beside = walker(here, "c", start=[0.6, 0.0, 0.0], seed=2)
@@ -141,9 +133,7 @@ def test_a_walk_that_the_graph_does_not_bear_out_leaves(
     assert "no more than 50% of the usual" in found.refusal
 
 
-def test_similarity_is_that_of_the_common_ground(
-    walker: Callable, here: Callable, elsewhere: Callable
-) -> None:
+def test_similarity_of_common_ground(walker: Callable, here: Callable, elsewhere: Callable) -> None:
     one, other, away = (
         side_of(walker(heard, "w", seed=k), KNOWN)
         for k, heard in enumerate((here, here, elsewhere))
@@ -174,9 +164,7 @@ def test_walks_of_one_place_share_a_frame_and_another_place_stays_out(
     assert found.pairs[0, 3].refusal
 
 
-def test_links_turned_round_say_the_same_from_the_other_side(
-    walker: Callable, here: Callable
-) -> None:
+def test_links_turned_round_say_it_from_the_other_side(walker: Callable, here: Callable) -> None:
     one, other = (side_of(walker(here, str(k), seed=k), KNOWN) for k in range(2))
     links = links_between(one, other, KNOWN)
     back = turned_round(links)
@@ -186,9 +174,7 @@ def test_links_turned_round_say_the_same_from_the_other_side(
     npt.assert_allclose(np.linalg.norm(ends[:, :2], axis=1), np.linalg.norm(again[:, :2], axis=1))
 
 
-def test_a_loner_joins_the_group_that_knows_both_ends_of_its_way(
-    walker: Callable, here: Callable
-) -> None:
+def test_a_loner_joins_the_group_that_knows_both_ends(walker: Callable, here: Callable) -> None:
     """Parts of a round of 90 m: neither of the others alone has enough in common with the last."""
     parts = [(0.0, 0.45), (0.22, 0.67), (0.62, 1.05)]
     walks = [
@@ -221,3 +207,113 @@ def test_a_pair_that_contradicts_better_ones_is_told(
     found = grouped(sides, KNOWN, ignore)
     assert found.pairs[0, 2].refusal == "contradicts better pairs by 5.0 m"
     npt.assert_allclose(found.groups[0].seen_from(0, 2), 0, atol=0.15)
+
+
+def test_a_map_is_walked_again_in_even_steps(walker: Callable, here: Callable) -> None:
+    walks = [walker(here, str(k), seed=k) for k in range(2)]
+    floor_map = stacked(*(map_of(walk, walk.trajectory, KNOWN) for walk in walks))
+    one, other = members.sides_of(floor_map, KNOWN)
+    steps_m = np.linalg.norm(np.diff(one.poses[:, :2], axis=0), axis=1)
+    npt.assert_allclose(np.median(steps_m), KNOWN.merging.spacing_m, atol=0.1)
+    assert len(one.poses) == pytest.approx(len(walks[0].odometry.t_s), rel=0.15)
+    assert not np.array_equal(one.poses, other.poses)
+    assert len(members.links_between(one, members.side_of(walks[1], KNOWN), KNOWN).i) > 20
+
+
+def test_a_walk_resembles_itself_as_it_does_in_its_map(walker: Callable, here: Callable) -> None:
+    walk = walker(here, "a")
+    (again,) = members.sides_of(map_of(walk, walk.trajectory, KNOWN), KNOWN)
+    side = members.side_of(walk, KNOWN)
+    assert side.usual == pytest.approx(again.usual, rel=0.15)
+    assert side.sigma_m == pytest.approx(0.1)
+    louder = replace(side, usual=4 * side.usual)
+    assert members.usual_of([side, louder]) == pytest.approx(2 * side.usual)
+
+
+def test_a_meeting_counts_footsteps_of_all_walks(walker: Callable, here: Callable) -> None:
+    sides = [members.side_of(walker(here, str(k), seed=k), KNOWN) for k in range(3)]
+    links = [members.links_between(one, sides[2], KNOWN) for one in sides[:2]]
+    meeting = members.meeting_of(sides[:2], sides[2], links, KNOWN)
+    count = len(sides[0].poses)
+    npt.assert_array_equal(meeting.links.i[len(links[0].i) :], links[1].i + count)
+    assert meeting.scores.shape == (2 * count, count)
+    same = members.placed(sides[0], np.zeros(3))
+    npt.assert_array_equal(same.poses[:, :2], sides[0].poses[:, :2])
+
+
+def test_only_walks_with_sound_are_merged(walker: Callable, here: Callable) -> None:
+    walk = walker(here, "silent")
+    silent = MeanSimilarity(np.zeros((1, 1)), "motion")
+    known = (walk.odometry, silent, walk.closures, walk.trajectory)
+    with pytest.raises(InputError, match="silent: was mapped without sound"):
+        walk_of(Run("silent", *known, None, None, None))
+    assert walk_of(Run("loud", *known, None, None, walk.features)).name == "loud"
+
+
+FADE = KNOWN.merging.fade
+
+
+@pytest.fixture
+def made(walker: Callable) -> Callable[..., FloorMap]:
+    """The map of one walk over a place, in the frame of the place."""
+
+    def walked(heard: Callable, seed: int) -> FloorMap:
+        walk = walker(heard, str(seed), seed=seed)
+        return map_of(walk, walk.trajectory, KNOWN)
+
+    return walked
+
+
+def test_what_is_passed_again_fades_and_what_is_not_stays(made: Callable, here: Callable) -> None:
+    old, new = made(here, 1), made(here, 2)
+    left = new.xy_m[:, 0] < 4
+    grown = renewed(old, chosen_spots(new, left), KNOWN)
+    npt.assert_array_equal(grown.weight[: len(old.xy_m)][old.xy_m[:, 0] < 3], FADE)
+    npt.assert_array_equal(grown.weight[: len(old.xy_m)][old.xy_m[:, 0] > 5], 1.0)
+    npt.assert_array_equal(grown.weight[len(old.xy_m) :], 1.0)
+    assert not grown.changed.any()
+
+
+def test_what_faded_away_leaves_the_map(made: Callable, here: Callable) -> None:
+    known = replace(KNOWN, merging=members.MergingParameters(fade=0.05))
+    old, new = made(here, 1), made(here, 2)
+    grown = renewed(old, new, known)
+    assert (grown.walk == 0).mean() < 0.05
+    assert grown.sources == ("1", "2")
+
+
+def changing(here: Callable, elsewhere: Callable) -> Callable:
+    """The place, another one where y is above 4 m."""
+
+    def heard(poses: np.ndarray) -> np.ndarray:
+        return np.where(poses[:, 1:2] > 4, elsewhere(poses), here(poses))
+
+    return heard
+
+
+def test_a_changed_corner_is_marked_and_fades_faster(
+    made: Callable, here: Callable, elsewhere: Callable
+) -> None:
+    old, new = made(here, 1), made(changing(here, elsewhere), 2)
+    grown = renewed(old, new, KNOWN)
+    before = slice(0, len(old.xy_m))
+    changed, y_m = grown.changed[before], old.xy_m[:, 1]
+    assert changed[y_m > 5].mean() > 0.9
+    assert not changed[y_m < 3].any()
+    npt.assert_array_equal(grown.weight[before][changed], KNOWN.merging.fade_changed)
+    assert not grown.changed[len(old.xy_m) :].any()
+
+
+def test_one_pass_changes_nothing(made: Callable, here: Callable, elsewhere: Callable) -> None:
+    old, new = made(here, 1), made(changing(here, elsewhere), 2)
+    once = chosen_spots(new, new.order < 200)
+    assert not renewed(old, once, KNOWN).changed.any()
+
+
+def test_maps_are_stacked_walk_by_walk(made: Callable, here: Callable) -> None:
+    one, other = made(here, 1), made(here, 2)
+    both = stacked(stacked(one, other), one)
+    npt.assert_array_equal(np.unique(both.walk), [0, 1, 2])
+    npt.assert_array_equal(both.xy_m[both.walk == 1], other.xy_m)
+    npt.assert_array_equal(both.payloads[0].vectors[both.walk == 2], one.payloads[0].vectors)
+    assert both.sources == ("1", "2", "1")

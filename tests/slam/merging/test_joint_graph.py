@@ -1,7 +1,5 @@
 """One graph over several walks: bent walks come to lie on each other."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -28,9 +26,8 @@ def second_order_inflated(walk: MappedWalk, drift_rad: float) -> MappedWalk:
     wrong = chain(poses[0], moves)
     sigma = np.tile([0.1, 0.1, 0.03], (len(moves), 1))
     odometry = replace(walk.odometry, world_from_body=wrong, step_sigma=sigma)
-    return replace(
-        walk, odometry=odometry, trajectory=replace(walk.trajectory, world_from_body=wrong)
-    )
+    trajectory = replace(walk.trajectory, world_from_body=wrong)
+    return replace(walk, odometry=odometry, trajectory=trajectory)
 
 
 def off_m(poses: F64, wanted: F64) -> float:
@@ -53,12 +50,10 @@ def test_links_that_no_pose_bears_out_do_no_harm(walker: Callable, here: Callabl
     walks = [walker(here, str(k), seed=k) for k in range(2)]
     links = links_between(*(side_of(walk, KNOWN) for walk in walks), KNOWN)
     wrong = np.arange(len(links.i)) % 3 == 0
-    spoilt = replace(
-        links, i=np.where(wrong, (links.i + 21) % len(walks[0].odometry.t_s[1:]), links.i)
-    )
-    clean, dirty = (
-        joined_walks(walks, [np.zeros(3)] * 2, {(0, 1): each}, KNOWN)[1] for each in (links, spoilt)
-    )
+    count = len(walks[0].odometry.t_s[1:])
+    spoilt = replace(links, i=np.where(wrong, (links.i + 21) % count, links.i))
+    starts, pair = [np.zeros(3)] * 2, (0, 1)
+    clean, dirty = (joined_walks(walks, starts, {pair: by}, KNOWN)[1] for by in (links, spoilt))
     assert off_m(dirty.world_from_body, clean.world_from_body) < 0.1
 
 
@@ -95,9 +90,8 @@ def test_taps_hold_a_walk_better_than_a_declared_start(walker: Callable, here: C
     for walks in (wrong, [replace(walk, checkpoints=None) for walk in wrong]):
         made = joined_walks(walks, [np.zeros(3)] * 2, far, KNOWN, known_starts=True)
         pairs = zip(made, true, strict=True)
-        missed_m.append(
-            [off_m(one.world_from_body, other.trajectory.world_from_body) for one, other in pairs]
-        )
+        poses = [(one.world_from_body, other.trajectory.world_from_body) for one, other in pairs]
+        missed_m.append([off_m(*both) for both in poses])
     assert max(missed_m[0]) < 0.5 * min(missed_m[1])
     assert max(missed_m[0]) < KNOWN.checkpoint.sigma_m
 
@@ -132,9 +126,8 @@ def test_moving_the_frame_moves_the_walks_and_leaves_every_covariance(
     spots = shifted(spots, by_m)
     there.append(against_map(far[1], np.zeros(3), spots, links[0, 1], KNOWN, known_start=True))
     for one, other in zip(made, there, strict=True):
-        npt.assert_allclose(
-            other.world_from_body[:, :2] - one.world_from_body[:, :2] - by_m, 0, atol=1e-5
-        )
+        moved_m = other.world_from_body[:, :2] - one.world_from_body[:, :2]
+        npt.assert_allclose(moved_m - by_m, 0, atol=1e-5)
         npt.assert_allclose(other.covariance, one.covariance, rtol=1e-4, atol=1e-8)
 
 
@@ -153,9 +146,8 @@ def test_a_map_stays_where_it_is_and_bends_the_walk(walker: Callable, here: Call
     links = links_between(spots, side, KNOWN)
     made = against_map(walk, np.zeros(3), spots.poses, links, KNOWN)
     wanted = walker(here, "walk", seed=2).trajectory.world_from_body
-    assert (
-        off_m(made.world_from_body, wanted) < 0.35 < off_m(walk.trajectory.world_from_body, wanted)
-    )
+    bent = walk.trajectory.world_from_body
+    assert off_m(made.world_from_body, wanted) < 0.35 < off_m(bent, wanted)
 
 
 def test_middles_lie_half_way() -> None:

@@ -1,7 +1,5 @@
 """Outlier rejection of closures: pairwise consistency, order, single ones, further senses."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -12,25 +10,12 @@ from elfslam.base.arrays import F64, I64
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import between, chain, compose
 from elfslam.base.values import NO_CLOSURES, Closures, Odometry, PoseGraph
-from elfslam.stages.graph import GraphParameters, agreeing, build_graph, expected, optimise
+from elfslam.stages import graph as graphs
+from elfslam.stages.graph import agreeing, build_graph, expected, optimise, solving, uncertainty
 from elfslam.stages.graph.blocks import pattern_of
 from elfslam.stages.graph.building import believing, edges_of
-from elfslam.stages.graph.solving import (
-    agreeing_pairs,
-    chain_covariance,
-    chain_of,
-    choose_closures,
-    find_runs,
-    forward,
-    second_order_inflated,
-)
-from elfslam.stages.graph.uncertainty import (
-    equations_at,
-    marginal_covariances,
-    predicted_covariance,
-)
 
-PARAMETERS = GraphParameters(noise_rounds=0)
+PARAMETERS = graphs.GraphParameters(noise_rounds=0)
 LAP = 80
 SIGMA = np.array([0.07, 0.035, 0.02])
 CLOSURE_SIGMA = np.array([0.18, 0.18, 0.18])
@@ -64,13 +49,13 @@ def test_dead_reckoning_is_as_uncertain_as_its_equations_say(nodes: Odometry) ->
     i, j = np.array([0, 50, 130]), np.array([30, 57, 90])
     graph = graph_of(nodes, i, j, np.zeros((3, 3)))
     steps = believing(graph, np.zeros(3, dtype=bool))
-    chain_ = chain_of(graph)
+    chain_ = solving.chain_of(graph)
     poses = nodes.world_from_body
-    equations = equations_at(steps, poses, pattern_of(graph.edges, len(poses)), 1e-3)
+    equations = uncertainty.equations_at(steps, poses, pattern_of(graph.edges, len(poses)), 1e-3)
     moves = between(poses[i], poses[j])
-    known = marginal_covariances(equations)
-    wanted = predicted_covariance(known, poses, np.column_stack([i, j]), moves)
-    npt.assert_allclose(chain_covariance(chain_, i, j), wanted, rtol=1e-5, atol=1e-9)
+    known = uncertainty.marginal_covariances(equations)
+    wanted = uncertainty.predicted_covariance(known, poses, np.column_stack([i, j]), moves)
+    npt.assert_allclose(solving.chain_covariance(chain_, i, j), wanted, rtol=1e-5, atol=1e-9)
 
 
 def test_company_is_kept_by_those_that_agree(truth: F64, nodes: Odometry) -> None:
@@ -79,11 +64,11 @@ def test_company_is_kept_by_those_that_agree(truth: F64, nodes: Odometry) -> Non
     moves = revisits(truth, i, j)
     moves[3] = compose(moves[3], np.array([3.0, 0.0, 0.0]))
     graph = graph_of(nodes, i, j, moves)
-    closures = forward(edges_of(graph, graph.is_closure))
-    pairs, agree = agreeing_pairs(chain_of(graph), closures, 10, LIMIT)
+    closures = solving.forward(edges_of(graph, graph.is_closure))
+    pairs, agree = solving.agreeing_pairs(solving.chain_of(graph), closures, 10, LIMIT)
     assert {tuple(pair) for pair in pairs} == {(a, b) for a in range(4) for b in range(a + 1, 4)}
     npt.assert_array_equal(agree, [3 not in pair for pair in pairs])
-    runs = find_runs(chain_of(graph), closures, 10, LIMIT)
+    runs = solving.find_runs(solving.chain_of(graph), closures, 10, LIMIT)
     npt.assert_array_equal(runs.size[runs.run], [3, 3, 3, 1, 1])
 
 
@@ -96,7 +81,7 @@ def test_looking_back_is_looking_forward(truth: F64, nodes: Odometry) -> None:
     edges[turned] = edges[turned, ::-1]
     measured[turned] = between(measured[turned], np.zeros(3))
     back = dataclasses.replace(ahead, edges=edges, measurements=measured)
-    one, other = (forward(edges_of(graph, graph.is_closure)) for graph in (ahead, back))
+    one, other = (solving.forward(edges_of(graph, graph.is_closure)) for graph in (ahead, back))
     npt.assert_array_equal(one.low, other.low)
     npt.assert_allclose(one.low_from_high, other.low_from_high, atol=1e-12)
     solved = [optimise(graph, nodes.t_s, PARAMETERS) for graph in (ahead, back)]
@@ -119,23 +104,20 @@ def test_a_wrong_run_falls_once_the_short_loops_are_closed(truth: F64, nodes: Od
     assert solved.closure_weights[:-6].mean() > 0.9
 
 
-def test_a_single_closure_is_believed_where_chance_would_not_hit(
-    truth: F64, nodes: Odometry
-) -> None:
+def test_a_closure_is_believed_where_chance_would_not_hit(truth: F64, nodes: Odometry) -> None:
     near, far = np.array([[10], [25]]), np.array([[10], [10 + 2 * LAP]])
     for (i, j), believed in ((near, True), (far, False)):
         graph = graph_of(nodes, i, j, revisits(truth, i, j))
-        _, kept = choose_closures(graph, PARAMETERS)
+        _, kept = solving.choose_closures(graph, PARAMETERS)
         assert kept.tolist() == [believed]
 
 
 def test_an_uncertain_heading_bends_the_way() -> None:
     covariance = np.diag([0.01, 4.0, 0.25])[None]
-    widened = second_order_inflated(covariance)[0]
+    widened = solving.second_order_inflated(covariance)[0]
     npt.assert_allclose(np.diag(widened), [0.01 + 0.25 * 4.01 / 4, 4 + 0.25 * 4.01 / 4, 0.25])
-    npt.assert_allclose(
-        second_order_inflated(np.diag([1e-4, 1e-4, 1e-8])[None])[0][0, 0], 1e-4, rtol=1e-6
-    )
+    inflated = solving.second_order_inflated(np.diag([1e-4, 1e-4, 1e-8])[None])
+    npt.assert_allclose(inflated[0][0, 0], 1e-4, rtol=1e-6)
 
 
 def test_moving_the_world_changes_no_choice(truth: F64, nodes: Odometry) -> None:
@@ -144,9 +126,8 @@ def test_moving_the_world_changes_no_choice(truth: F64, nodes: Odometry) -> None
     moves[::4] = compose(moves[::4], np.array([4.0, 0.0, 0.5]))
     moved = compose(np.array([40.0, -9.0, 2.5]), nodes.world_from_body)
     there = dataclasses.replace(nodes, world_from_body=moved)
-    here, away = (
-        optimise(graph_of(each, i, i + LAP, moves), each.t_s, PARAMETERS) for each in (nodes, there)
-    )
+    both = [graph_of(each, i, i + LAP, moves) for each in (nodes, there)]
+    here, away = (optimise(graph, nodes.t_s, PARAMETERS) for graph in both)
     npt.assert_array_equal(here.closure_weights, away.closure_weights)
     assert 0 < here.closure_weights.sum() < len(i)
 
@@ -163,9 +144,7 @@ def measured(i: I64, j: I64, i_from_j: F64, sigma: F64 = CLOSURE_SIGMA) -> Closu
     return Closures(i, j, np.ones(len(i)), i_from_j, np.tile(np.diag(sigma**2), (len(i), 1, 1)))
 
 
-def test_what_a_further_sense_says_must_fit_the_walk_that_is_straight(
-    truth: F64, nodes: Odometry
-) -> None:
+def test_what_another_sense_says_must_fit_the_straight_walk(truth: F64, nodes: Odometry) -> None:
     i = np.arange(0, LAP, 4)
     straight = build_graph(nodes, measured(i, i + LAP, revisits(truth, i, i + LAP)))
     i = np.arange(2, LAP, 8)
@@ -185,16 +164,13 @@ def test_a_sense_of_metres_need_not_fit_to_centimetres(truth: F64, nodes: Odomet
     assert agreeing(straight, coarse, PARAMETERS).all()
 
 
-def test_a_solution_expects_what_is_true_and_excludes_what_is_not(
-    truth: F64, nodes: Odometry
-) -> None:
+def test_solutions_expect_what_is_true_and_exclude_the_rest(truth: F64, nodes: Odometry) -> None:
     i = np.arange(0, LAP, 4)
     straight = build_graph(nodes, measured(i, i + LAP, revisits(truth, i, i + LAP)))
     there = between(truth[i], truth[i + LAP])
     odds, _ = expected(straight, measured(i, i + LAP, there), PARAMETERS)
-    wrong, gain = expected(
-        straight, measured(i, i + LAP, compose(there, np.array([2.5, 0.0, 0.0]))), PARAMETERS
-    )
+    off = measured(i, i + LAP, compose(there, np.array([2.5, 0.0, 0.0])))
+    wrong, gain = expected(straight, off, PARAMETERS)
     assert (odds > 3).all()
     assert np.isneginf(wrong).all()
     assert (gain >= 0).all()
@@ -207,11 +183,12 @@ def test_a_closure_brings_what_the_solution_did_not_know(truth: F64, nodes: Odom
     graph, i, j = build_graph(nodes, known), np.array([10, 70]), np.array([91, 230])
     asked = measured(i, j, between(truth[i], truth[j]))
     _, gain = expected(graph, asked, PARAMETERS)
-    solved, kept = choose_closures(graph, PARAMETERS)
+    solved, kept = solving.choose_closures(graph, PARAMETERS)
     edges, believed = np.column_stack([i, j]), believing(graph, kept)
     pattern = pattern_of(np.vstack([believed.edges, edges]), len(truth))
-    marginal = marginal_covariances(equations_at(believed, solved, pattern, 1e-3))
-    predicted = predicted_covariance(marginal, solved, edges, asked.i_from_j)
+    equations = uncertainty.equations_at(believed, solved, pattern, 1e-3)
+    marginal = uncertainty.marginal_covariances(equations)
+    predicted = uncertainty.predicted_covariance(marginal, solved, edges, asked.i_from_j)
     raised = np.linalg.det(np.eye(3) + predicted @ np.linalg.inv(asked.covariance))
     npt.assert_allclose(gain, np.log(raised) / 2, atol=0.1)
     assert gain[1] > gain[0] + 1

@@ -1,6 +1,4 @@
-"""Pose graph optimisation: loops close, outliers are rejected, covariances are honest."""
-
-from __future__ import annotations
+"""Pose graphs: built of every step and closure, solved by sparse blocks; covariances are honest."""
 
 import dataclasses
 import subprocess
@@ -12,12 +10,103 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from elfslam.base.arrays import F64
-from elfslam.base.errors import NoAnswerError
+from elfslam.base.arrays import F64, I64
+from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.base.geometry import between, chain, compose, wrap_angle
-from elfslam.base.values import Closures, Odometry, PoseGraph, Trajectory
+from elfslam.base.values import NO_CLOSURES, Closures, Odometry, PoseGraph, Trajectory
 from elfslam.data.map_exports import read_g2o
 from elfslam.stages.graph import GraphParameters, build_graph, optimise, solving
+from elfslam.stages.graph import blocks as sparse
+from elfslam.stages.graph.blocks import Pattern, factored, pattern_of, solution, stored_at
+from elfslam.stages.graph.building import rotation_first
+
+
+def four_steps(sigma: float = 1.0) -> Odometry:
+    poses = chain(np.array([1.0, 2.0, 0.5]), np.tile([0.7, 0.1, 0.2], (4, 1)))
+    return Odometry(np.arange(5.0), poses, np.tile(SIGMA * [1.0, sigma, 1.0], (4, 1)))
+
+
+def test_the_graph_holds_every_step_and_every_closure() -> None:
+    nodes = four_steps()
+    moves = np.array([[1.0, 0, 0], [0, 2.0, np.pi / 2]])
+    covariance = np.tile(np.diag([0.1, 0.2, 0.3]), (2, 1, 1))
+    found = Closures([0, 1], [3, 4], np.full(2, 0.6), moves, covariance)
+    graph = build_graph(nodes, found)
+    assert graph.edges.tolist() == [[0, 1], [1, 2], [2, 3], [3, 4], [0, 3], [1, 4]]
+    assert graph.is_closure.tolist() == [False] * 4 + [True] * 2
+    poses = nodes.world_from_body
+    npt.assert_allclose(graph.measurements[:4], between(poses[:-1], poses[1:]))
+    npt.assert_allclose(graph.measurements[4:], moves)
+    npt.assert_allclose(graph.information[:4], np.tile(np.diag(SIGMA**-2), (4, 1, 1)))
+    unit = np.tile(np.eye(3), (2, 1, 1))
+    npt.assert_allclose(graph.information[4:] @ covariance, unit, atol=1e-9)
+    npt.assert_array_equal(graph.initial, poses)
+
+
+def test_a_step_that_claims_no_error_is_refused() -> None:
+    with pytest.raises(InputError, match="wanted sigmas of at least 1e-09, got 0; state how far"):
+        build_graph(four_steps(sigma=0.0), NO_CLOSURES)
+
+
+def test_rotations_first_needs_no_guess() -> None:
+    truth = chain(np.array([1.0, 2.0, 0.3]), np.tile([1.0, 0.1, 0.6], (9, 1)))
+    edges = np.array([*((k, k + 1) for k in range(9)), (9, 0), (7, 2)])
+    exact = between(truth[edges[:, 0]], truth[edges[:, 1]])
+    root = np.random.default_rng(5).normal(size=(11, 3, 3))
+    information = 400 * np.eye(3) + 20 * root @ root.swapaxes(1, 2)
+    lost = np.vstack([truth[:1], np.random.default_rng(6).normal(size=(9, 3)) * 50])
+    found = rotation_first(PoseGraph(lost, edges, exact, information, np.arange(11) >= 9))
+    npt.assert_allclose(found[:, :2], truth[:, :2], atol=1e-9)
+    npt.assert_allclose(wrap_angle(found[:, 2] - truth[:, 2]), 0, atol=1e-9)
+
+
+def some_pairs(generator: np.random.Generator, count: int) -> I64:
+    onward = np.column_stack([np.arange(count - 1), np.arange(1, count)])
+    apart = generator.integers(0, count, (count, 2))
+    return np.vstack([onward, apart[apart[:, 0] != apart[:, 1]]])
+
+
+def positive_matrix(
+    generator: np.random.Generator, pairs: I64, count: int
+) -> tuple[I64, I64, F64, F64]:
+    """Blocks at i and j that add up to a positive matrix, and the dense matrix itself."""
+    every = np.arange(count)
+    off = generator.normal(size=(len(pairs), 3, 3))
+    own = np.tile(100.0 * np.eye(3), (count, 1, 1))
+    i, j = np.concatenate([pairs[:, 0], every]), np.concatenate([pairs[:, 1], every])
+    blocks, dense = np.concatenate([off, own]), np.zeros((3 * count, 3 * count))
+    for a, b, block in zip(i, j, blocks, strict=True):
+        dense[3 * a : 3 * a + 3, 3 * b : 3 * b + 3] += block
+        if a != b:
+            dense[3 * b : 3 * b + 3, 3 * a : 3 * a + 3] += block.T
+    return i, j, blocks, dense
+
+
+@pytest.fixture(scope="module")
+def pattern() -> tuple[Pattern, I64]:
+    pairs = some_pairs(np.random.default_rng(0), 25)
+    return pattern_of(pairs, 25), pairs
+
+
+def test_blocks_solve_and_invert_as_dense_matrices_do(pattern: tuple[Pattern, I64]) -> None:
+    generator = np.random.default_rng(1)
+    i, j, blocks, dense = positive_matrix(generator, pattern[1], 25)
+    factor = factored(pattern[0], i, j, blocks)
+    right = generator.normal(size=(25, 3))
+    npt.assert_allclose(solution(factor, right).ravel(), np.linalg.solve(dense, right.ravel()))
+    inverse = np.linalg.inv(dense).reshape(25, 3, 25, 3).swapaxes(1, 2)
+    at, transposed = stored_at(pattern[0], i, j)
+    known = sparse.inverse_blocks(factor)[at]
+    known = np.where(transposed[:, None, None], known.swapaxes(1, 2), known)
+    npt.assert_allclose(known, inverse[i, j], atol=1e-14)
+
+
+def test_what_is_not_positive_has_no_factor(pattern: tuple[Pattern, I64]) -> None:
+    i, j, blocks, _ = positive_matrix(np.random.default_rng(2), pattern[1], 25)
+    blocks[-1] = 0.0
+    with pytest.raises(RuntimeError, match="holds some poses by nothing"):
+        factored(pattern[0], i, j, blocks)
+
 
 ROBUST = GraphParameters(noise_rounds=0)
 PLAIN = GraphParameters(robust=False, noise_rounds=0)
@@ -30,9 +119,6 @@ def closures(i: F64 | list[int], j: F64 | list[int], i_from_j: F64) -> Closures:
     count = len(i)
     covariance = np.tile(np.diag([0.18, 0.18, 0.18]) ** 2, (count, 1, 1))
     return Closures(i, j, np.full(count, 0.6), i_from_j, covariance)
-
-
-NO_CLOSURES = closures([], [], np.zeros((0, 3)))
 
 
 def square_moves(laps: int) -> F64:
@@ -62,9 +148,7 @@ def true_closures() -> Closures:
 
 def joined(first: Closures, second: Closures) -> Closures:
     fields = [field.name for field in dataclasses.fields(Closures)]
-    return Closures(
-        *(np.concatenate([getattr(c, name) for c in (first, second)]) for name in fields)
-    )
+    return Closures(*(np.concatenate([getattr(c, at) for c in (first, second)]) for at in fields))
 
 
 def solve(nodes: Odometry, found: Closures, parameters: GraphParameters) -> Trajectory:
@@ -126,9 +210,7 @@ def test_a_published_graph_survives_injected_false_closures(shared_data: Path) -
 
 
 @pytest.mark.parametrize("parameters", [ROBUST, PLAIN])
-def test_without_closures_dead_reckoning_comes_back(
-    truth: F64, parameters: GraphParameters
-) -> None:
+def test_no_closures_give_back_dead_reckoning(truth: F64, parameters: GraphParameters) -> None:
     nodes = drifting(truth)
     solved = solve(nodes, NO_CLOSURES, parameters)
     npt.assert_allclose(solved.world_from_body, nodes.world_from_body, atol=1e-6)
@@ -138,9 +220,7 @@ def test_without_closures_dead_reckoning_comes_back(
 
 
 @pytest.mark.parametrize("parameters", [ROBUST, PLAIN])
-def test_a_drifted_square_closes(
-    truth: F64, true_closures: Closures, parameters: GraphParameters
-) -> None:
+def test_drift_is_closed(truth: F64, true_closures: Closures, parameters: GraphParameters) -> None:
     nodes = drifting(truth)
     solved = solve(nodes, true_closures, parameters)
     gap_before = np.linalg.norm(nodes.world_from_body[LAP, :2] - nodes.world_from_body[0, :2])
@@ -166,9 +246,7 @@ def test_meeting_ones_own_way_in_the_other_direction_closes_it_too() -> None:
     assert np.linalg.norm(nodes.world_from_body[61, :2]) > 1.0
 
 
-def test_false_closures_are_rejected_and_true_ones_kept(
-    truth: F64, true_closures: Closures
-) -> None:
+def test_false_closures_are_rejected_true_ones_kept(truth: F64, true_closures: Closures) -> None:
     nodes = drifting(truth)
     false = closures([2, 7, 13, 21, 30, 33], [31, 60, 40, 80, 50, 90], np.zeros((6, 3)))
     clean = solve(nodes, true_closures, ROBUST)
@@ -183,9 +261,7 @@ def test_false_closures_are_rejected_and_true_ones_kept(
     npt.assert_allclose(robust.covariance, clean.covariance, rtol=0.05, atol=1e-6)
 
 
-def test_clusters_that_can_all_be_true_are_accepted_together(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_clusters_that_can_be_true_are_accepted_together(monkeypatch: pytest.MonkeyPatch) -> None:
     """Many meetings of a long walk in few rounds: each round solves the graph."""
     truth = chain(np.zeros(3), square_moves(30))
     i = np.concatenate([np.arange(4) + k for k in range(0, len(truth) - LAP - 4, 20)])
@@ -193,9 +269,8 @@ def test_clusters_that_can_all_be_true_are_accepted_together(
     settled = solving._settled
     monkeypatch.setattr(solving, "_settled", lambda *all_: rounds.append(1) or settled(*all_))
     moves = square_moves(30) + np.random.default_rng(0).normal(0, SIGMA, (30 * LAP, 3))
-    nodes = Odometry(
-        0.5 * np.arange(len(truth)), chain(truth[0], moves), np.tile(SIGMA, (30 * LAP, 1))
-    )
+    poses, sigma = chain(truth[0], moves), np.tile(SIGMA, (30 * LAP, 1))
+    nodes = Odometry(0.5 * np.arange(len(truth)), poses, sigma)
     solved = solve(nodes, found, ROBUST)
     assert (solved.closure_weights > 0.5).all()
     assert len(rounds) < 10 < len(i) / 4

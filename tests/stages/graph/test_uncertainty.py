@@ -1,7 +1,5 @@
 """Marginal covariances against GTSAM and chance; variance components and verdicts as planted."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import gtsam
@@ -12,24 +10,11 @@ import pytest
 from elfslam.base.arrays import F64
 from elfslam.base.geometry import between, chain, compose
 from elfslam.base.values import Closures, Odometry, PoseGraph, Verdict
-from elfslam.stages.graph import GraphParameters, build_graph, judge, optimise
+from elfslam.stages.graph import GraphParameters, build_graph, judge, optimise, uncertainty
 from elfslam.stages.graph.blocks import pattern_of
 from elfslam.stages.graph.building import edges_of
 from elfslam.stages.graph.solving import as_gtsam, as_values, solve
-from elfslam.stages.graph.uncertainty import (
-    covariance_of,
-    equations_at,
-    half_square,
-    jacobians,
-    marginal_covariances,
-    predicted_covariance,
-    residuals,
-    settle,
-    steady_drift,
-    variance_factors,
-    with_own_noise,
-    without_drift,
-)
+from elfslam.stages.graph.uncertainty import covariance_of, residuals, with_own_noise
 
 ANCHOR = 1e-3
 
@@ -71,7 +56,9 @@ def test_planted_noise_is_found_whatever_was_stated(wrong_by: float) -> None:
 def test_factors_are_one_where_the_statement_is_right() -> None:
     def factors(seed: int) -> F64:
         graph, _ = walked(seed, TRUE_SIGMA)
-        return variance_factors(graph, solve(graph, graph.initial, PARAMETERS), PARAMETERS)
+        return uncertainty.variance_factors(
+            graph, solve(graph, graph.initial, PARAMETERS), PARAMETERS
+        )
 
     mean = np.mean([factors(seed) for seed in range(10)], axis=0)
     npt.assert_allclose(mean, 1.0, atol=0.2)
@@ -178,11 +165,12 @@ def test_residuals_and_covariances_are_gtsams() -> None:
     ours = residuals(graph.initial, graph.edges, graph.measurements)
     for k in range(len(graph.edges)):
         npt.assert_allclose(ours[k], problem.at(k).unwhitenedError(values), atol=1e-12)
-    assert half_square(graph, graph.initial) == pytest.approx(problem.error(values))
+    assert uncertainty.half_square(graph, graph.initial) == pytest.approx(problem.error(values))
     pairs = np.array([[1, 6], [8, 3]])
     pattern = pattern_of(np.vstack([graph.edges, pairs]), 10)
-    poses, equations = settle(graph, graph.initial, pattern, ANCHOR, 20)
-    known, theirs = marginal_covariances(equations), gtsam.Marginals(problem, as_values(poses))
+    poses, equations = uncertainty.settle(graph, graph.initial, pattern, ANCHOR, 20)
+    known = uncertainty.marginal_covariances(equations)
+    theirs = gtsam.Marginals(problem, as_values(poses))
     for i, j in pairs:
         joint = theirs.jointMarginalCovariance([int(i), int(j)])
         for a, b in ((i, i), (i, j), (j, i)):
@@ -196,16 +184,14 @@ def test_covariances_are_what_chance_makes_of_the_poses() -> None:
     ends, between_them = [], []
     for seed in range(draws):
         graph = measured_again(seed)
-        poses, equations = settle(graph, graph.initial, pattern, ANCHOR, 5)
+        poses, equations = uncertainty.settle(graph, graph.initial, pattern, ANCHOR, 5)
         ends.append(between(graph.initial[6], poses[6]))
-        between_them.append(
-            residuals(poses, pairs, between(graph.initial[[2]], graph.initial[[6]]))
-        )
-    known = marginal_covariances(equations)
+        wanted = between(graph.initial[[2]], graph.initial[[6]])
+        between_them.append(residuals(poses, pairs, wanted))
+    known = uncertainty.marginal_covariances(equations)
     own = covariance_of(known, np.array([6]), np.array([6]))[0]
-    relative = predicted_covariance(
-        known, graph.initial, pairs, between(graph.initial[[2]], graph.initial[[6]])
-    )
+    wanted = between(graph.initial[[2]], graph.initial[[6]])
+    relative = uncertainty.predicted_covariance(known, graph.initial, pairs, wanted)
     for wanted, drawn in ((own, np.array(ends)), (relative[0], np.array(between_them)[:, 0])):
         scale = np.sqrt(np.outer(np.diag(wanted), np.diag(wanted)))
         npt.assert_allclose(np.cov(drawn.T) / scale, wanted / scale, atol=0.15)
@@ -229,7 +215,6 @@ def test_the_verdict_counts_who_agrees() -> None:
     stated = dataclasses.replace(PARAMETERS, noise_rounds=0)
     solved = optimise(attacked, np.arange(len(graph.initial)), stated)
     verdict, true = solved.verdict, len(closing) - len(wrong)
-    assert verdict is not None
     assert verdict.believed + verdict.rejected == len(closing)
     assert verdict.believed >= 0.95 * true
     assert verdict.believed_agreeing / verdict.believed > 0.97
@@ -267,7 +252,7 @@ def test_a_steady_drift_is_found_and_the_map_is_straight() -> None:
     graph, truth = turned_steadily(3)
     without = dataclasses.replace(graph, drift_turn_rad=None)
     found, bent = (solve(each, each.initial, PARAMETERS) for each in (graph, without))
-    assert steady_drift(graph, found) == pytest.approx(-1.0, abs=0.05)
+    assert uncertainty.steady_drift(graph, found) == pytest.approx(-1.0, abs=0.05)
     off_m = [np.abs(poses[:, :2] - truth[:, :2]).max() for poses in (found, bent)]
     assert off_m[0] < 1.0 < off_m[1]
 
@@ -276,15 +261,16 @@ def test_the_drift_widens_covariances_as_a_state_of_its_own_does() -> None:
     graph, _ = turned_steadily(4)
     poses = solve(graph, graph.initial, PARAMETERS)
     pattern = pattern_of(graph.edges, len(poses))
-    known = marginal_covariances(equations_at(graph, poses, pattern, ANCHOR))
-    straight = without_drift(graph, steady_drift(graph, poses))
-    residual, near, far = jacobians(poses, graph.edges, straight.measurements)
+    equations = uncertainty.equations_at(graph, poses, pattern, ANCHOR)
+    known = uncertainty.marginal_covariances(equations)
+    straight = uncertainty.without_drift(graph, uncertainty.steady_drift(graph, poses))
+    residual, near, far = uncertainty.jacobians(poses, graph.edges, straight.measurements)
     size = 3 * len(poses)
     rows = np.zeros((len(graph.edges), 3, size + 1))
     for edge, (i, j) in enumerate(graph.edges):
         rows[edge, :, 3 * i : 3 * i + 3], rows[edge, :, 3 * j : 3 * j + 3] = near[edge], far[edge]
     step = 1e-6
-    more = without_drift(straight, step)
+    more = uncertainty.without_drift(straight, step)
     rows[:, :, -1] = (residuals(poses, graph.edges, more.measurements) - residual) / step
     normal = np.einsum("eax,eab,eby->xy", rows, graph.information, rows)
     normal[range(3), range(3)] += ANCHOR**-2
