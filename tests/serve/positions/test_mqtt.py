@@ -6,7 +6,7 @@ import json
 import logging
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -16,19 +16,17 @@ import pytest
 import trustme
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion
-from starlette.testclient import TestClient
 
 from elfslam.base.errors import InputError
 from elfslam.cli.server import _broker
 from elfslam.serve.positions import mqtt
 from elfslam.serve.positions.mqtt import Broker, MqttPublisher, parse_broker
-from elfslam.serve.positions.values import LivePosition
 from elfslam.serve.settings import ServerSettings
 from studies.benchmarks.served import free_port
-from tests.serve.positions.conftest import OwnBroker
+from tests.serve.conftest import Somebody
+from tests.serve.positions.conftest import Made, Message, OwnBroker
 from tests.waiting import until
 
-Made = Callable[..., LivePosition]
 Heard = list[tuple[str, dict[str, Any]]]
 
 
@@ -173,10 +171,10 @@ class TestTheWholeWay:
 
     def test_what_a_walker_tells_is_published(
         self,
-        owner: TestClient,
+        owner: Somebody,
         mosquitto: OwnBroker,
         map_id: str,
-        message: Callable[..., dict[str, Any]],
+        message: Message,
     ) -> None:
         with listening(mosquitto.port) as heard:
 
@@ -185,7 +183,7 @@ class TestTheWholeWay:
                 return bool(heard)
 
             until(told, "a position", between=lambda: time.sleep(0.3))
-        me = owner.get("/api/me").json()["id"]
+        me = owner.id
         assert heard[0][0] == f"elfslam/{map_id}/{me}"
         assert heard[0][1] == {
             **owner.get("/api/positions").json()[-1],

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import random
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -97,17 +97,13 @@ def test_a_store_that_somebody_has_is_not_opened(store: ServerSettings) -> None:
         pass
 
 
-def test_a_database_that_was_removed(store: ServerSettings) -> None:
-    (store.data_folder / "elfslam.sqlite").unlink()
-    refused(store, "is missing or empty, and .* holds 1 files")
-    assert not (store.data_folder / "elfslam.sqlite").exists()
-
-
-def test_a_database_that_was_removed_while_all_files_are_set_aside(store: ServerSettings) -> None:
-    for file in store.blobs_folder.glob("*/*"):
+@pytest.mark.parametrize("are_set_aside", [False, True])
+def test_a_database_that_was_removed(store: ServerSettings, are_set_aside: bool) -> None:
+    for file in store.blobs_folder.glob("*/*") if are_set_aside else ():
         file.rename(store.quarantine_folder / file.name)
     (store.data_folder / "elfslam.sqlite").unlink()
     refused(store, "is missing or empty, and .* holds 1 files")
+    assert not (store.data_folder / "elfslam.sqlite").exists()
 
 
 VERSION = f"UPDATE {VERSION_TABLE} SET version_num ="
@@ -178,13 +174,6 @@ def test_what_else_is_wrong_is_found_before_an_upgrade(
     assert len(list(store.backups_folder.iterdir())) == 1
 
 
-def test_a_database_of_no_bytes(store: ServerSettings) -> None:
-    for name in ("elfslam.sqlite", "elfslam.sqlite-wal", "elfslam.sqlite-shm"):
-        (store.data_folder / name).unlink(missing_ok=True)
-    (store.data_folder / "elfslam.sqlite").touch()
-    refused(store, "is missing or empty")
-
-
 def test_a_new_database_of_another_path(store: ServerSettings, tmp_path: Path) -> None:
     elsewhere = tmp_path / "other.sqlite"
     refused(replace(store, database_url=f"sqlite:///{elsewhere}"), "last used with sqlite:///")
@@ -192,13 +181,16 @@ def test_a_new_database_of_another_path(store: ServerSettings, tmp_path: Path) -
     opened(store).engine.dispose()
 
 
-@pytest.mark.parametrize("database_url", ["postgresql"], indirect=True)
+POSTGRESQL = pytest.mark.parametrize("database_url", ["postgresql"], indirect=True)
+
+
+@POSTGRESQL
 def test_who_forgets_the_url_of_the_database(store: ServerSettings) -> None:
     refused(replace(store, database_url=""), r"last used with postgresql\+psycopg://")
     opened(store).engine.dispose()
 
 
-@pytest.mark.parametrize("database_url", ["postgresql"], indirect=True)
+@POSTGRESQL
 def test_an_empty_database_of_a_server(store: ServerSettings) -> None:
     changed(store, "DROP SCHEMA public CASCADE", "CREATE SCHEMA public")
     refused(store, "is missing or empty")
@@ -230,11 +222,6 @@ def test_a_damaged_identity(store: ServerSettings, content: bytes) -> None:
     refused(store, "cannot be read")
 
 
-def test_no_database_at_all(store: ServerSettings) -> None:
-    (store.data_folder / "elfslam.sqlite").write_bytes(b"not a database" * 1000)
-    refused(store, "cannot be read")
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_a_database_with_changed_bytes(store: ServerSettings, seed: int) -> None:
     """It opens or is refused in one line; what is changed inside a text is nobody's to notice."""
@@ -255,10 +242,24 @@ def test_a_database_with_changed_bytes(store: ServerSettings, seed: int) -> None
     assert files_of(store) == before
 
 
-def test_a_database_cut_off(store: ServerSettings) -> None:
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        (lambda content: b"", "is missing or empty"),
+        (lambda content: b"not a database" * 1000, "cannot be read"),
+        (lambda content: content[:-5000], "is damaged|cannot be read"),
+    ],
+    ids=["of no bytes", "of something else", "cut off"],
+)
+def test_a_file_that_is_no_whole_database(
+    store: ServerSettings, damage: Callable[[bytes], bytes], words: str
+) -> None:
     file = store.data_folder / "elfslam.sqlite"
-    file.write_bytes(file.read_bytes()[:-5000])
-    refused(store, "is damaged|cannot be read")
+    content = file.read_bytes()
+    for name in ("", "-wal", "-shm"):
+        file.with_name(file.name + name).unlink(missing_ok=True)
+    file.write_bytes(damage(content))
+    refused(store, words)
 
 
 def test_a_backup_put_back(store: ServerSettings, tmp_path: Path) -> None:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import importlib
 import io
-import shutil
 import subprocess
 import sys
 import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache, partial
 from pathlib import Path
@@ -21,16 +20,10 @@ import pytest
 import soundfile
 
 from elfslam.stages.chirp import ChirpParameters, make_chirp
+from tests.serve.pages.conftest import ARGUMENTS, CHROMIUM, PHONE, Pocket
 from tests.waiting import until
 
-CHROMIUM = shutil.which("chromium")
-ARGUMENTS = (
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-background-networking",
-    "--use-fake-ui-for-media-stream",
-    "--use-fake-device-for-media-stream",
-)
+FAKE = ("--use-fake-ui-for-media-stream", "--use-fake-device-for-media-stream")
 PERMISSIONS = ("microphone", "accelerometer", "gyroscope", "screen-wake-lock")
 SENSORS = ("accelerometer", "gyroscope", "linear-acceleration")
 SERVE = "from elfslam.cli import main; main()"
@@ -260,23 +253,16 @@ def locale() -> str:
 
 
 @pytest.fixture(scope="module")
-def play() -> Iterator[Any]:
-    """What starts browsers; stopped with the file, as others start their own."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    if CHROMIUM is None:
-        pytest.skip("chromium is missing: apt-get install chromium")
-    with playwright.sync_playwright() as started:
-        yield started
+def hears(heard: tuple[Path, np.ndarray]) -> dict[str, Any]:
+    """How a browser is started whose microphone hears the file."""
+    file = f"--use-file-for-fake-audio-capture={heard[0]}"
+    return {"args": [*ARGUMENTS, *FAKE, file], "ignore_default_args": ["--mute-audio"]}
 
 
 @pytest.fixture(scope="module")
-def browser(play: Any, heard: tuple[Path, np.ndarray]) -> Iterator[Any]:
+def browser(play: Any, hears: dict[str, Any]) -> Iterator[Any]:
     """A browser whose microphone hears the file."""
-    started = play.chromium.launch(
-        executable_path=CHROMIUM,
-        args=[*ARGUMENTS, f"--use-file-for-fake-audio-capture={heard[0]}"],
-        ignore_default_args=["--mute-audio"],
-    )
+    started = play.chromium.launch(executable_path=CHROMIUM, **hears)
     yield started
     started.close()
 
@@ -287,7 +273,7 @@ def phone(server: Server, browser: Any, locale: str) -> Iterator[Phone]:
     context = browser.new_context(
         locale=locale,
         permissions=list(PERMISSIONS),
-        viewport={"width": 390, "height": 844},
+        viewport=PHONE,
         has_touch=True,
         reduced_motion="reduce",
     )
@@ -301,40 +287,10 @@ def phone(server: Server, browser: Any, locale: str) -> Iterator[Phone]:
     assert handed.problems == []
 
 
-@dataclass
-class Pocket:
-    """A phone that is switched off and on; whatever its page throws fails the test."""
-
-    play: Any
-    profile: Path
-    sound: Path
-    problems: list[str] = field(default_factory=list)
-
-    @contextmanager
-    def on(self, width: int = 390, height: int = 844) -> Iterator[Any]:
-        """Its browser; gives the page."""
-        context = self.play.chromium.launch_persistent_context(
-            str(self.profile),
-            executable_path=CHROMIUM,
-            args=[*ARGUMENTS, f"--use-file-for-fake-audio-capture={self.sound}"],
-            ignore_default_args=["--mute-audio"],
-            permissions=list(PERMISSIONS),
-            viewport={"width": width, "height": height},
-            reduced_motion="reduce",
-            accept_downloads=True,
-        )
-        page = context.pages[0]
-        page.set_default_timeout(1500 * PATIENCE_S)
-        page.on("pageerror", lambda error: self.problems.append(str(error)))
-        try:
-            yield page
-        finally:
-            context.close()
-
-
 @pytest.fixture
-def pocket(play: Any, tmp_path: Path, heard: tuple[Path, np.ndarray]) -> Iterator[Pocket]:
-    """A phone that keeps what it keeps."""
-    handed = Pocket(play, tmp_path / "profile", heard[0])
+def pocket(play: Any, tmp_path: Path, hears: dict[str, Any]) -> Iterator[Pocket]:
+    """A phone that keeps what it keeps; whatever its page throws fails the test."""
+    more = {"permissions": list(PERMISSIONS), "reduced_motion": "reduce", "accept_downloads": True}
+    handed = Pocket(play, tmp_path / "profile", hears | more)
     yield handed
     assert handed.problems == []
