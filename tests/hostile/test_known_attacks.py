@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cases import Target, copied, run
+from damaged_formats import changed_lzma, zip_directory
 from foreign_encoders import ALLOCATES, FAILS, GROWS, LOOPS, OTHERS, foreign_encoder
 from forked_commands import Commands
 
@@ -21,8 +22,15 @@ pytestmark = pytest.mark.hostile
 Attack = Callable[[Path], None]
 
 
-def text(content: str) -> Attack:
-    return lambda file: _write(file, content.encode())
+ABOUT = b'{"format_version": 1}' * 99
+
+
+def content(given: bytes) -> Attack:
+    return lambda file: _write(file, given)
+
+
+def text(told: str) -> Attack:
+    return content(told.encode())
 
 
 def encoder(nodes: tuple[object, ...]) -> Attack:
@@ -62,15 +70,6 @@ def a_claim_of_samples(folder: Path) -> None:
     _write(folder / "audio.flac", flac[:22] + struct.pack(">I", 2_000_000_000) + flac[26:])
 
 
-def lzma_with_changed_bytes(file: Path) -> None:
-    file.unlink()
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_LZMA) as archive:
-        archive.writestr("recording.json", b'{"format_version": 1}' * 99)
-    content = bytearray(file.read_bytes())
-    content[60] ^= 0xFF
-    file.write_bytes(content)
-
-
 def a_zip_of(size: int, count: int) -> Attack:
     def attack(file: Path) -> None:
         file.unlink()
@@ -79,14 +78,6 @@ def a_zip_of(size: int, count: int) -> Attack:
                 archive.writestr(f"{k}.csv", bytes(size))
 
     return attack
-
-
-def a_directory_of_a_million(file: Path) -> None:
-    count = 1_500_000
-    entry = struct.pack("<4s6H3L5H2L", b"PK\x01\x02", *[0] * 16)
-    size = count * len(entry)
-    end = struct.pack("<4s4H2LH", b"PK\x05\x06", 0, 0, count & 0xFFFF, count & 0xFFFF, size, 0, 0)
-    _write(file, entry * count + end)
 
 
 def an_archive_of(kind: bytes) -> Attack:
@@ -118,9 +109,13 @@ SETTINGS = MAP_BY_MOTION + " --parameters {given}"
 WITH_ENCODER = "map {base}/walk {out} --encoder {given} --until 15"
 MALL = "import mall {given} {out}"
 ATTACKS: dict[str, tuple[str, str, Attack]] = {
-    "a zip packed by LZMA, changed": ("walk.zip", MAP, lzma_with_changed_bytes),
+    "a zip packed by LZMA, changed": (
+        "walk.zip",
+        MAP,
+        content(changed_lzma("recording.json", ABOUT)),
+    ),
     "a zip that unpacks to 600 MB": ("walk.zip", MAP, a_zip_of(30_000_000, 20)),
-    "a zip of 1.5 million entries": ("walk.zip", MAP, a_directory_of_a_million),
+    "a zip of 1.5 million entries": ("walk.zip", MAP, content(zip_directory(1_500_000))),
     "a zip of 2,000 files": ("walk.zip", MAP, a_zip_of(0, 2000)),
     "an array of 10^12 numbers": ("run", SHOW, a_claim_of_numbers),
     "a FLAC of 2e9 samples": ("walk", MAP, a_claim_of_samples),

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import httpx
+import numpy as np
+from PIL import Image
 from sqlalchemy import select
 
-from elfslam.base.values import FloorMap
+from elfslam.base.values import FloorMap, Payload
 from elfslam.data.map_files import ENCODER, MAP, write_map
 from elfslam.serve.services import Services, open_services
 from elfslam.serve.settings import ServerSettings
@@ -56,6 +60,31 @@ def plant_floor_map(
             owner = session.scalars(select(User).filter_by(is_owner=True)).one()
             row = session.get(Map, map_id or "") or Map(user_id=owner.id, name="Hall", kind="run")
         return plant_files(services, row, Path(name))
+
+
+def floor_map_of(xy_m: np.ndarray, vectors: np.ndarray, heading_rad: float = 0.0) -> FloorMap:
+    """The spots of a walk, known to 10 cm, with vectors as of the encoder that is shipped."""
+    count, elf = len(xy_m), Payload("elf", load_encoder("compact").identity, vectors)
+    walk, spread = np.zeros(count, dtype=np.int64), np.tile(0.01 * np.eye(2), (count, 1, 1))
+    heading = np.full(count, heading_rad)
+    return FloorMap(xy_m, heading, walk, np.arange(count), spread, (elf,), "", ("walk",))
+
+
+def picture(kind: str = "PNG", width: int = 40, height: int = 30, turned: int = 0) -> bytes:
+    """A white picture; turned as its Exif says."""
+    content, exif = io.BytesIO(), Image.Exif()
+    if turned:
+        exif[0x0112] = turned
+    Image.new("RGB", (width, height), "white").save(content, kind, exif=exif)
+    return content.getvalue()
+
+
+def put_plan(
+    client: httpx.Client, map_id: str, content: bytes, kind: str = "image/png", **params: str
+) -> httpx.Response:
+    """What is answered to a floor plan of a map."""
+    address, headers = f"/api/maps/{map_id}/floor-plan", {"Content-Type": kind}
+    return client.put(address, content=content, headers=headers, params=params)
 
 
 def plan_of_levels(**sides_m: float) -> str:

@@ -28,6 +28,7 @@ from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.database import reading
 from elfslam.serve.store.tables import Building, Floor, FloorPart, FloorPoint
 from tests.data.phone_maps import map_of_parts
+from tests.serve.conftest import DATABASES
 
 MakeFloor = Callable[..., NewFloor]
 STORES = pytest.mark.parametrize(
@@ -41,7 +42,6 @@ STORES = pytest.mark.parametrize(
     ],
     indirect=True,
 )
-BOTH = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
 
 
 def kept(services: Services) -> set[str]:
@@ -159,7 +159,7 @@ def test_half_a_part_is_written_again(services: Services, new_floor: MakeFloor) 
     assert [path for path in torn.parent.iterdir() if path.name.endswith(".partial")] == []
 
 
-@BOTH
+@DATABASES
 def test_sweeping_waits_for_publishers(services: Services) -> None:
     """Two share; who wants to be alone has to wait until both have gone."""
     import threading

@@ -11,8 +11,9 @@ from starlette.testclient import TestClient
 
 from elfslam.serve.buildings.publishing import NewFloor, publish, withdraw
 from elfslam.serve.services import Services
+from tests.serve.conftest import DATABASES
 
-pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
+pytestmark = DATABASES
 MakeFloor = Callable[..., NewFloor]
 HeardOn = Callable[..., dict[str, float]]
 

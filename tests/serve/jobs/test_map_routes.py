@@ -24,7 +24,8 @@ from elfslam.serve.services import Services
 from elfslam.serve.store.tables import new_id
 from tests.serve.conftest import Somebody
 from tests.serve.jobs.conftest import Keep
-from tests.serve.planting import plan_of_levels
+from tests.serve.planting import picture, plan_of_levels, put_plan
+from tests.serve.uploading import unzipped
 
 PLACE = {
     "name": "Studio", "category": "businesscampus", "address": "1 Long Street",
@@ -36,21 +37,6 @@ ORIGIN = {"origin": "47.3769,8.5417,90"}
 
 def files_of(services: Services) -> list[str]:
     return sorted(file.name for file in services.settings.blobs_folder.glob("*/*"))
-
-
-def image(kind: str = "PNG", width: int = 40, height: int = 30, turned: int = 0) -> bytes:
-    content, exif = io.BytesIO(), Image.Exif()
-    if turned:
-        exif[0x0112] = turned
-    Image.new("RGB", (width, height), "white").save(content, kind, exif=exif)
-    return content.getvalue()
-
-
-def put(client: Somebody, map_id: str, content: bytes, kind: str = "image/png") -> int:
-    headers = {"Content-Type": kind}
-    return client.put(
-        f"/api/maps/{map_id}/floor-plan", content=content, headers=headers
-    ).status_code
 
 
 def test_a_map_is_told_and_drawn(owner: Somebody, one: str, runs: Path) -> None:
@@ -110,12 +96,11 @@ def test_exports_say_where_the_map_is(
     npt.assert_allclose(
         np.sort(xy_m, axis=0), np.sort(read_map(runs / "one").xy_m, axis=0), atol=1e-3
     )
-    with zipfile.ZipFile(io.BytesIO(owner.get(f"{base}/ros").content)) as archive:
-        assert sorted(archive.namelist()) == ["one.pgm", "one.yaml"]
-        assert 'image: "one.pgm"' in archive.read("one.yaml").decode()
-    imdf = owner.get(f"{base}/imdf", params={**ORIGIN, **PLACE})
-    with zipfile.ZipFile(io.BytesIO(imdf.content)) as archive:
-        venue = json.loads(archive.read("venue.geojson"))
+    ros = unzipped(owner.get(f"{base}/ros").content)
+    assert sorted(ros) == ["one.pgm", "one.yaml"]
+    assert 'image: "one.pgm"' in ros["one.yaml"].decode()
+    imdf = unzipped(owner.get(f"{base}/imdf", params={**ORIGIN, **PLACE}).content)
+    venue = json.loads(imdf["venue.geojson"])
     assert venue["features"][0]["properties"]["name"] == {"en": "Studio"}
 
 
@@ -146,14 +131,14 @@ def test_a_floor_plan_is_kept_placed_and_replaced(owner: Somebody, one: str) -> 
     assert (
         owner.put(f"{place}/placement", json={"width_m": 1, "x_m": 0, "y_m": 0}).status_code == 404
     )
-    assert put(owner, one, image()) == 200
-    assert owner.get(place).content == image()
+    assert put_plan(owner, one, picture()).status_code == 200
+    assert owner.get(place).content == picture()
     assert owner.get(place).headers["content-type"] == "image/png"
     where = {"width_m": 12.5, "x_m": -1.0, "y_m": 2.0, "heading_rad": 0.1, "opacity": 0.4}
     told = owner.put(f"{place}/placement", json=where).json()
     assert told["floor_plan"]["placement"] == where
     assert "floor-plan" not in {file["name"] for file in told["files"]}
-    assert put(owner, one, image("JPEG", 50, 20, turned=6), "image/jpeg") == 200
+    assert put_plan(owner, one, picture("JPEG", 50, 20, turned=6), "image/jpeg").status_code == 200
     plan = owner.get(f"/api/maps/{one}").json()["floor_plan"]
     shown = {"width_px": 20, "height_px": 50, "type": "image/jpeg", "width_m": None}
     assert plan == {**shown, "placement": where}
@@ -166,14 +151,14 @@ def test_a_floor_plan_is_kept_placed_and_replaced(owner: Somebody, one: str) -> 
 
 NO_PLANS = [
     (b"", "image/png", 422),
-    (image()[:60], "image/png", 422),
+    (picture()[:60], "image/png", 422),
     (b"<svg onload='alert(1)'/>", "image/svg+xml", 422),
     (b"GIF89a", "image/gif", 415),
     (b"%PDF-1.7 and no more", "application/pdf", 422),
     (b'{"features": []}', "application/geo+json", 422),
     (b"<svg onload='alert(1)'/>", "image/png", 422),
-    (image("GIF"), "image/png", 422),
-    (image("PNG", 10_000, 10_000), "image/png", 422),
+    (picture("GIF"), "image/png", 422),
+    (picture("PNG", 10_000, 10_000), "image/png", 422),
     (b"\0" * (17 * 2**20), "image/png", 413),
 ]
 
@@ -181,7 +166,7 @@ NO_PLANS = [
 def test_what_is_no_floor_plan_is_refused(owner: Somebody, one: str, services: Services) -> None:
     before = files_of(services)
     for content, kind, status in NO_PLANS:
-        assert put(owner, one, content, kind) == status, (content[:30], kind)
+        assert put_plan(owner, one, content, kind).status_code == status, (content[:30], kind)
     assert owner.get(f"/api/maps/{one}").json()["floor_plan"] is None
     assert files_of(services) == before
 
@@ -203,14 +188,9 @@ SHAPES = {"type": "LineString", "coordinates": [[0, 0], [19.8, 0], [19.8, 9.8]]}
     ],
 )
 def test_what_is_no_picture_is_drawn_as_one(
-    owner: Somebody,
-    one: str,
-    services: Services,
-    content: bytes,
-    kind: str,
-    width_m: float | None,
+    owner: Somebody, one: str, services: Services, content: bytes, kind: str, width_m: float | None
 ) -> None:
-    assert put(owner, one, content, kind) == 200
+    assert put_plan(owner, one, content, kind).status_code == 200
     told = owner.get(f"/api/maps/{one}").json()["floor_plan"]
     assert (told["type"], told["placement"]) == ("image/png", None)
     assert told["width_m"] == (width_m and pytest.approx(width_m, abs=0.02))
@@ -229,20 +209,17 @@ def test_a_level_of_a_plan_is_chosen_from_those_that_the_refusal_lists(
     place = f"/api/maps/{one}/floor-plan"
     house = plan_of_levels(**{"0": 6, "-1": 9})
 
-    def answer(level: str | None) -> Response:
-        params = {} if level is None else {"level": level}
-        return owner.put(
-            place, content=house, params=params, headers={"Content-Type": "application/geo+json"}
-        )
+    def answer(**level: str) -> Response:
+        return put_plan(owner, one, house.encode(), "application/geo+json", **level)
 
-    refused = answer(None)
+    refused = answer()
     assert (refused.status_code, refused.json()["levels"]) == (422, ["-1", "0"])
     assert refused.json()["detail"] == "the plan has the levels -1, 0; choose one"
-    assert answer("7").json()["levels"] == ["-1", "0"]
+    assert answer(level="7").json()["levels"] == ["-1", "0"]
     assert owner.get(place).status_code == 404
-    widths_m = [answer(level).json()["floor_plan"]["width_m"] for level in ("0", "-1")]
+    widths_m = [answer(level=level).json()["floor_plan"]["width_m"] for level in ("0", "-1")]
     assert widths_m == pytest.approx([6.2, 9.2], abs=0.02)
-    assert answer("x" * 81).status_code == 422
+    assert answer(level="x" * 81).status_code == 422
 
 
 def test_a_deleted_map_is_gone_from_the_disk(
@@ -250,7 +227,7 @@ def test_a_deleted_map_is_gone_from_the_disk(
 ) -> None:
     before = files_of(services)
     mine, theirs = keep_map(owner, "one"), keep_map(guest, "one")
-    put(owner, mine, image())
+    put_plan(owner, mine, picture())
     both = files_of(services)
     assert owner.delete(f"/api/maps/{mine}").status_code == 204
     assert owner.delete(f"/api/maps/{mine}").status_code == 404
@@ -275,7 +252,7 @@ def test_a_damaged_map_is_a_problem_and_no_crash(owner: Somebody, one: str) -> N
 
 
 def test_whatever_lost_its_blobs_is_not_found(owner: Somebody, one: str) -> None:
-    put(owner, one, image())
+    put_plan(owner, one, picture())
     manifest = json.loads(owner.get(f"/api/maps/{one}/package").json()["manifest"])
     part = manifest["tiles"][0]["sha256"]
     paths = ("report.html", "floor-plan", f"package/{part}", "map.zip", "view", "exports/tum")
@@ -360,12 +337,10 @@ def test_exports_and_the_folder_carry_them(owner: Somebody, one: str) -> None:
         "country": "CH", "level": "Ground floor", "ordinal": 0,
     }  # fmt: skip
     archive = owner.get(f"/api/maps/{one}/exports/imdf", params={**asked, **venue}).content
-    with zipfile.ZipFile(io.BytesIO(archive)) as packed:
-        amenities = json.loads(packed.read("amenity.geojson"))["features"]
+    amenities = json.loads(unzipped(archive)["amenity.geojson"])["features"]
     assert [each["properties"]["category"] for each in amenities] == ["unspecified", "entry"]
-    with zipfile.ZipFile(io.BytesIO(owner.get(f"/api/maps/{one}/map.zip").content)) as packed:
-        (table,) = (name for name in packed.namelist() if name.endswith(POINTS_OF_INTEREST))
-        assert packed.read(table).decode().splitlines()[1] == "Room 5,room,1.250,-2.000"
+    table = unzipped(owner.get(f"/api/maps/{one}/map.zip").content)[POINTS_OF_INTEREST]
+    assert table.decode().splitlines()[1] == "Room 5,room,1.250,-2.000"
 
 
 def test_phones_are_told_and_told_anew(owner: Somebody, one: str) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import io
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +14,6 @@ from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.asymmetric.utils import encode_dss_signature
-from PIL import Image
 
 from elfslam.base.parameters import as_dict
 from elfslam.data.map_files import read_map
@@ -27,7 +25,7 @@ from elfslam.slam.parameters import Parameters
 from tests.data.phone_maps import map_of_parts
 from tests.serve.conftest import Json, Maps, Somebody
 from tests.serve.jobs.conftest import Keep
-from tests.serve.planting import plant_floor_map
+from tests.serve.planting import picture, plant_floor_map, put_plan
 
 
 def manifest(client: Somebody, map_id: str) -> Json:
@@ -92,17 +90,14 @@ def test_a_map_brings_its_own_encoder(owner: Somebody, maps: Maps) -> None:
 def test_it_is_made_once_and_grows_with_what_changes(owner: Somebody, one: str) -> None:
     first = manifest(owner, one)
     assert manifest(owner, one) == first
-    plan = io.BytesIO()
-    Image.new("RGB", (40, 30), "white").save(plan, "PNG")
-    base, headers = f"/api/maps/{one}/floor-plan", {"Content-Type": "image/png"}
-    owner.put(base, content=plan.getvalue(), headers=headers).raise_for_status()
+    put_plan(owner, one, picture()).raise_for_status()
     second = manifest(owner, one)
     assert second["revision"] > first["revision"]
     assert second["tiles"] == first["tiles"]
-    assert part(owner, one, second["floor_plan"]) == plan.getvalue()
+    assert part(owner, one, second["floor_plan"]) == picture()
     assert second["floor_plan"]["placement"] is None
     place = {"width_m": 9.0, "x_m": 1.0, "y_m": 2.0}
-    owner.put(f"{base}/placement", json=place).raise_for_status()
+    owner.put(f"/api/maps/{one}/floor-plan/placement", json=place).raise_for_status()
     third = manifest(owner, one)
     assert third["revision"] > second["revision"]
     assert third["floor_plan"]["placement"]["width_m"] == 9.0
@@ -159,7 +154,7 @@ def test_a_deleted_map_leaves_nothing(owner: Somebody, keep_map: Keep, services:
     assert owner.get("/api/me").json()["used_bytes"] == used
 
 
-def test_tiles_that_went_are_dropped(owner: Somebody, keep_map: Keep, one: str, runs: Path) -> None:
+def test_tiles_that_went_are_dropped(owner: Somebody, keep_map: Keep, one: str) -> None:
     """A map of that id whose content was replaced."""
     first = manifest(owner, one)
     two = keep_map(owner, "two")

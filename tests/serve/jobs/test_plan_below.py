@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import shutil
 from dataclasses import replace
@@ -10,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from elfslam.base.geometry import compose
 from elfslam.base.values import Checkpoints
@@ -24,6 +22,7 @@ from elfslam.serve.store.database import reading
 from elfslam.serve.store.tables import Map
 from elfslam.stages.chirp import describe_chirp
 from tests.serve.conftest import Json, Somebody
+from tests.serve.planting import picture, put_plan
 
 pytestmark = pytest.mark.real
 
@@ -52,11 +51,9 @@ def tapped_walk(walk: Path, folder: Path) -> Path:
 
 def on_plan_of(client: Somebody, map_id: str) -> str:
     """Lay the map on a venue's floor, above a plan; gives the map again."""
-    image = io.BytesIO()
-    Image.new("RGB", (240, 120), "white").save(image, "PNG")
-    address, kind = f"/api/maps/{map_id}/floor-plan", {"Content-Type": "image/png"}
-    client.put(address, content=image.getvalue(), headers=kind).raise_for_status()
-    client.put(f"{address}/placement", json=PLACEMENT).raise_for_status()
+    put_plan(client, map_id, picture("PNG", 240, 120)).raise_for_status()
+    placement = f"/api/maps/{map_id}/floor-plan/placement"
+    client.put(placement, json=PLACEMENT).raise_for_status()
     place = {"venue": "North Mall", "floor": "Ground floor"}
     client.patch(f"/api/maps/{map_id}", json=place).raise_for_status()
     return map_id

@@ -15,8 +15,9 @@ from elfslam.serve.jobs.executors import Progress
 from elfslam.serve.store.database import Sessions, open_database, reading, sessions_of, transaction
 from elfslam.serve.store.schema import upgrade
 from elfslam.serve.store.tables import Job, JobKind, JobState, User
+from tests.serve.conftest import DATABASES
 
-pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
+pytestmark = DATABASES
 CLAIM_ALL = """
 import sys
 from elfslam.serve.store.database import open_database, sessions_of

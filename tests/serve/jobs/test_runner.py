@@ -12,7 +12,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from fastapi import FastAPI
 
 from elfslam.base.values import FixStatus
 from elfslam.data.position_files import read_fixes
@@ -211,7 +210,7 @@ def test_the_crash_of_a_job_hurts_nobody_and_is_retried(owner: Somebody) -> None
 
 
 def test_a_server_that_stops_gives_its_job_to_the_next(
-    app: FastAPI, owner: Somebody, services: Services, anyone: Somebody
+    owner: Somebody, services: Services, anyone: Somebody
 ) -> None:
     job_id = owner.start(kind="map", recording=owner.remember("mute"))
     job_when(owner, job_id, lambda job: bool(processes_of(services)))

@@ -25,7 +25,7 @@ from elfslam.serve.settings import Limits, ServerSettings
 from tests import hostile_plans
 from tests.hostile_plans import GEOJSON, JPEG, PDF, PNG, SVG
 from tests.serve.conftest import Maps, Somebody
-from tests.serve.planting import plant_floor_map
+from tests.serve.planting import plant_floor_map, put_plan
 from tests.waiting import PATIENCE_S, until
 
 SLACK_KIB = 2**15
@@ -44,11 +44,6 @@ def drawing_s(request: pytest.FixtureRequest) -> float:
 def settings(tmp_path: Path, drawing_s: float) -> ServerSettings:
     limits = Limits(drawing_s=drawing_s, token_requests_per_s=1000, address_requests_per_s=1000)
     return ServerSettings(tmp_path / "data", secure_cookie=False, run_jobs=False, limits=limits)
-
-
-def put(client: httpx.Client, map_id: str, content: bytes, kind: str) -> Any:
-    headers = {"Content-Type": kind}
-    return client.put(f"/api/maps/{map_id}/floor-plan", content=content, headers=headers)
 
 
 @pytest.mark.hostile
@@ -77,7 +72,7 @@ def test_a_costly_plan_is_refused_with_the_limit_named(
     map_id = owner.put_map()
     content = make()
     earlier_kib = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
-    answer = put(owner, map_id, content, kind)
+    answer = put_plan(owner, map_id, content, kind)
     assert answer.status_code == 422, answer.text
     assert words in answer.json()["detail"]
     # Linux counts what this process holds as its child's, until that has become another program.
@@ -132,7 +127,7 @@ def large_pdf() -> bytes:
 def test_an_honest_large_plan_is_taken(
     owner: Somebody, make: Callable[[], bytes], kind: str
 ) -> None:
-    answer = put(owner, owner.put_map(), make(), kind)
+    answer = put_plan(owner, owner.put_map(), make(), kind)
     assert answer.status_code == 200, answer.text
 
 
@@ -164,14 +159,15 @@ def test_two_of_one_users_plans_at_a_time_and_others_are_unaffected(
     hers, mine = eve.put_map(), ada.put_map()
     with ThreadPoolExecutor(OF_ONE + WAITING + more) as threads:
         sent = [
-            threads.submit(put, eve, hers, b"hold", PNG) for _ in range(OF_ONE + WAITING + more)
+            threads.submit(put_plan, eve, hers, b"hold", PNG)
+            for _ in range(OF_ONE + WAITING + more)
         ]
         for _ in range(OF_ONE):
             assert held.begins.acquire(timeout=PATIENCE_S)
         refused = _first(sent, more)
         assert {each.status_code for each in refused} == {429}
         assert {each.headers["retry-after"] for each in refused} == {"10"}
-        assert put(ada, mine, b"mine", PNG).status_code == 200, "while all of Eve's wait"
+        assert put_plan(ada, mine, b"mine", PNG).status_code == 200, "while all of Eve's wait"
         assert len(ada.get("/api/maps").json()) == 1
         assert ada.post("/api/recordings", json={"name": "walk"}).status_code == 201
         held.opened.set()
@@ -205,7 +201,7 @@ def test_a_server_that_is_stopped_waits_for_no_plan(
     served = start_server(drawing_s=600.0)
     map_id = plant_floor_map(served.data, maps[0])
     with served.client() as owner, ThreadPoolExecutor() as threads:
-        sent = threads.submit(put, owner, map_id, MANY_MASKS, SVG)
+        sent = threads.submit(put_plan, owner, map_id, MANY_MASKS, SVG)
         (child,) = until(lambda: forked_by(served.process.pid), "a child that draws")
         served.process.send_signal(signal.SIGTERM)
         with suppress(httpx.TransportError):  # it may have closed the connection already

@@ -19,9 +19,7 @@ from elfslam.serve.problems import Problem
 from elfslam.serve.services import MOST, OneTimeCodes, Rates, Services
 from elfslam.serve.store.database import looking, reading
 from elfslam.serve.store.tables import User
-from tests.serve.conftest import Somebody
-
-DATABASES = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
+from tests.serve.conftest import DATABASES, Somebody
 
 
 @DATABASES
@@ -192,7 +190,7 @@ def test_every_route_but_the_public_ones_wants_a_token(
     assert tried > 20
 
 
-@pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
+@DATABASES
 def test_who_has_a_token_is_admitted_and_counted(services: Services) -> None:
     known = [add_user(services, name)[1] for name in ("one", "two")]
     rates = Rates(0.01, 200.0)

@@ -128,7 +128,7 @@ def test_without_a_broker_nothing_waits_and_it_is_said_once(
 @pytest.mark.real
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_over_tls_the_broker_is_verified(
-    mosquitto: OwnBroker, position: Made, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    mosquitto: OwnBroker, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     authority = trustme.CA()
     authority.cert_pem.write_to_path(str(tmp_path / "ca.pem"))
@@ -170,11 +170,7 @@ class TestTheWholeWay:
         return replace(settings, broker=Broker("127.0.0.1", mosquitto.port, "elfslam"))
 
     def test_what_a_walker_tells_is_published(
-        self,
-        owner: Somebody,
-        mosquitto: OwnBroker,
-        map_id: str,
-        message: Message,
+        self, owner: Somebody, mosquitto: OwnBroker, map_id: str, message: Message
     ) -> None:
         with listening(mosquitto.port) as heard:
 

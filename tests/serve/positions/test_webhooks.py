@@ -238,11 +238,7 @@ class TestTheWholeWay:
         return replace(settings, local_webhooks=True)
 
     def test_positions_arrive_signed(
-        self,
-        owner: Somebody,
-        map_id: str,
-        receiver: Receiver,
-        message: Message,
+        self, owner: Somebody, map_id: str, receiver: Receiver, message: Message
     ) -> None:
         hooks = f"/api/maps/{map_id}/webhooks"
         made = owner.post(hooks, json={"url": receiver.url}).json()
@@ -257,11 +253,7 @@ class TestTheWholeWay:
         assert owner.get(hooks).json()[0]["last_error"] is None
 
     def test_a_receiver_that_is_away_is_said(
-        self,
-        owner: Somebody,
-        map_id: str,
-        receiver: Receiver,
-        message: Message,
+        self, owner: Somebody, map_id: str, receiver: Receiver, message: Message
     ) -> None:
         hooks = f"/api/maps/{map_id}/webhooks"
         receiver.statuses.append(410)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,7 +15,7 @@ from elfslam.serve.store.database import reading
 from elfslam.serve.store.quota import delete_user
 from elfslam.serve.store.tables import GroupMember, MapGroupShare, UserGroup
 from tests.serve.conftest import DATABASES, LetIn, Maps, Somebody, allow
-from tests.serve.planting import plant_floor_map
+from tests.serve.planting import picture, plant_floor_map, put_plan
 
 
 @DATABASES
@@ -183,11 +182,7 @@ def test_a_floor_plan_counts_for_the_owner_of_the_map(ada: Somebody, eve: Somebo
     allow(ada.services, user_bytes=1)
     map_id = ada.put_map()
     ada.share(map_id, eve, "edit")
-    picture = (Path(__file__).parents[3] / "docs" / "demo.png").read_bytes()
-    answer = eve.put(
-        f"/api/maps/{map_id}/floor-plan", content=picture, headers={"Content-Type": "image/png"}
-    )
-    assert answer.status_code == 413
+    assert put_plan(eve, map_id, picture()).status_code == 413
     assert eve.get("/api/me").json()["used_bytes"] == 0
 
 

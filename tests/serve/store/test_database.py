@@ -25,8 +25,8 @@ from elfslam.serve.store.tables import (
     User,
     now_utc,
 )
+from tests.serve.conftest import DATABASES
 
-DATABASES = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
 WRITERS, ROUNDS = 6, 15
 
 

@@ -6,7 +6,6 @@ Whatever is said, every file of the folder is still there.
 from __future__ import annotations
 
 import os
-import random
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
@@ -26,8 +25,7 @@ from elfslam.serve.store.holding import STORE, files_of
 from elfslam.serve.store.opening import InUseError, alone_with, join_store, open_store
 from elfslam.serve.store.schema import VERSION_TABLE
 from elfslam.serve.store.tables import JobFile, JobKind, User
-
-BOTH = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
+from tests.serve.conftest import DATABASES
 
 
 def filled(settings: ServerSettings) -> ServerSettings:
@@ -75,7 +73,7 @@ def changed(settings: ServerSettings, *statements: str) -> None:
     engine.dispose()
 
 
-@BOTH
+@DATABASES
 def test_a_store_opens_again(store: ServerSettings) -> None:
     services = opened(store)
     with reading(services.sessions) as session:
@@ -83,7 +81,7 @@ def test_a_store_opens_again(store: ServerSettings) -> None:
     services.engine.dispose()
 
 
-@BOTH
+@DATABASES
 def test_a_store_is_joined_while_somebody_has_it(store: ServerSettings) -> None:
     with alone_with(store):
         services = open_services(store)
@@ -91,7 +89,7 @@ def test_a_store_is_joined_while_somebody_has_it(store: ServerSettings) -> None:
         services.engine.dispose()
 
 
-@BOTH
+@DATABASES
 def test_a_store_that_somebody_has_is_not_opened(store: ServerSettings) -> None:
     with alone_with(store), pytest.raises(InUseError, match="another server"), alone_with(store):
         pass
@@ -120,7 +118,7 @@ CHANGES = [
 ]
 
 
-@BOTH
+@DATABASES
 @pytest.mark.parametrize(("statements", "words"), CHANGES)
 def test_a_database_that_was_changed_by_hand(
     store: ServerSettings, statements: Sequence[str], words: str
@@ -156,9 +154,7 @@ def test_a_data_folder_that_cannot_be_made(tmp_path: Path) -> None:
         pass
 
 
-def test_what_else_is_wrong_is_found_before_an_upgrade(
-    store: ServerSettings, tmp_path: Path
-) -> None:
+def test_what_else_is_wrong_is_found_before_an_upgrade(store: ServerSettings) -> None:
     older = [f"ALTER TABLE stores DROP COLUMN {name}" for name in ("holder", "beat")]
     changed(store, f"{VERSION} '0005'", *older)
     before = {file: file.read_bytes() for file in store.data_folder.rglob("*.json")}
@@ -220,26 +216,6 @@ def test_a_new_folder_and_an_old_database(store: ServerSettings, tmp_path: Path)
 def test_a_damaged_identity(store: ServerSettings, content: bytes) -> None:
     (store.data_folder / STORE).write_bytes(content)
     refused(store, "cannot be read")
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_a_database_with_changed_bytes(store: ServerSettings, seed: int) -> None:
-    """It opens or is refused in one line; what is changed inside a text is nobody's to notice."""
-    file = store.data_folder / "elfslam.sqlite"
-    for name in ("-wal", "-shm"):
-        file.with_name(file.name + name).unlink(missing_ok=True)
-    content, generator = bytearray(file.read_bytes()), random.Random(seed)
-    for _ in range(200):
-        content[generator.randrange(len(content))] = generator.randrange(256)
-    file.write_bytes(content)
-    before = files_of(store)
-    said = ""
-    try:
-        opened(store).engine.dispose()
-    except StoreError as error:
-        said = str(error)
-    assert "\n" not in said
-    assert files_of(store) == before
 
 
 @pytest.mark.parametrize(

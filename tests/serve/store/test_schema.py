@@ -23,8 +23,9 @@ from elfslam.serve.store.schema import (
     version_of,
 )
 from elfslam.serve.store.tables import Base, Recording, User
+from tests.serve.conftest import DATABASES
 
-pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
+pytestmark = DATABASES
 RELEASED = Path(__file__).parent / "released"
 VERSIONS = sorted({file.name.removesuffix(".sqlite.sql") for file in RELEASED.glob("*.sqlite.sql")})
 

@@ -59,22 +59,20 @@ def test_leftovers_of_a_kill_are_set_aside_and_uploads_stay(
 def test_what_is_named_again_is_put_back(owner: Somebody, services: Services) -> None:
     blob = unnamed(services)
     sweeps.tidy(services)
-    job_id = _job_that_names(services, blob)
+    _job_that_names(services, blob)
     sweeps.tidy(services)
     kept = blobs.blob_path(services.settings.blobs_folder, blob.sha256)
     assert kept.read_bytes() == b"no row"
     assert aside(services) == set()
-    assert job_id
 
 
-def _job_that_names(services: Services, blob: Blob) -> str:
+def _job_that_names(services: Services, blob: Blob) -> None:
     with transaction(services.sessions) as session:
         user = session.scalars(select(User)).first()
         assert user is not None
         job = queue_job(session, user.id, JobKind.MAP, {})
         row = JobFile(job_id=job.id, name="f", sha256=blob.sha256, size_bytes=blob.size_bytes)
         session.add(row)
-        return job.id
 
 
 @DATABASES
@@ -112,22 +110,17 @@ def test_abandoned_uploads_expire_by_the_time_that_the_server_ran(owner: Somebod
 
 
 @DATABASES
-def test_a_clock_that_is_set_forward_makes_nothing_old(
-    owner: Somebody, services: Services, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_clock_that_is_set_forward_makes_nothing_old(owner: Somebody, services: Services) -> None:
     upload = begun(owner)
     unnamed(services)
     sweeps.tidy(services)
     sweeps.expire(services, 0.0)
     old_s = time.time() - 1000 * DAY_S
-    for file in (services.settings.uploads_folder / upload, *_files(services)):
+    waiting = services.settings.quarantine_folder.iterdir()
+    for file in (services.settings.uploads_folder / upload, *waiting):
         os.utime(file, (old_s, old_s))
     assert sweeps.expire(services, 3600.0) == []
     assert len(aside(services)) == 1
-
-
-def _files(services: Services) -> list[Path]:
-    return list(services.settings.quarantine_folder.iterdir())
 
 
 def test_ages_grow_begin_anew_and_go() -> None:

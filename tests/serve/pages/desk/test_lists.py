@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ from elfslam.serve.store.database import transaction
 from elfslam.serve.store.tables import Job, JobKind, JobState
 from tests.accessibility import violations
 from tests.serve.pages.desk.conftest import Person, go, row
+from tests.serve.uploading import unzipped
 
 NOBODY = "0" * 32
 
@@ -99,8 +99,7 @@ def test_a_recording_is_downloaded_as_it_was(
     with page.expect_download() as coming:
         page.get_by_role("link", name="Download morning walk").click()
     coming.value.save_as(tmp_path / "it.zip")
-    with zipfile.ZipFile(tmp_path / "it.zip") as packed:
-        found = {Path(name).name: packed.read(name) for name in packed.namelist()}
+    found = unzipped((tmp_path / "it.zip").read_bytes())
     assert found == {file.name: file.read_bytes() for file in walk_folder.iterdir()}
 
 

@@ -8,7 +8,6 @@ import io
 import itertools
 import math
 import re
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,7 @@ from elfslam.serve.store.database import transaction
 from elfslam.serve.store.tables import JobFile, JobKind, JobState
 from tests.serve.pages.desk.conftest import Person, go
 from tests.serve.planting import plan_of_levels
+from tests.serve.uploading import unzipped
 
 LINE_PX = 3.0
 """How far a line's edge and a round of the browser's numbers may put a bound off."""
@@ -389,8 +389,7 @@ def test_report_and_exports_are_what_the_command_writes(
     with page.expect_download() as coming:
         page.get_by_role("link", name="Whole folder").click()
     coming.value.save_as(tmp_path / "map.zip")
-    with zipfile.ZipFile(tmp_path / "map.zip") as packed:
-        found = {Path(name).name: packed.read(name) for name in packed.namelist()}
+    found = unzipped((tmp_path / "map.zip").read_bytes())
     assert found["trajectory.tum"] == (run_folder / "trajectory.tum").read_bytes()
 
 

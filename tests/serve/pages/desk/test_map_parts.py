@@ -12,15 +12,7 @@ import pytest
 from elfslam.serve.store.database import transaction
 from elfslam.serve.store.tables import MapShare
 from tests.serve.pages.desk.conftest import Person, go
-from tests.serve.pages.desk.test_map import (
-    drawn,
-    layer,
-    opened,
-    pixels,
-    px_per_m,
-    tapped,
-    xy_of,
-)
+from tests.serve.pages.desk.test_map import drawn, layer, opened, pixels, px_per_m, tapped, xy_of
 
 pytestmark = pytest.mark.real
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import base64
-import io
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +17,7 @@ from elfslam.stages.chirp import describe_chirp
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world, simulate
 from tests.serve.pages.desk.conftest import Person, go, row
+from tests.serve.uploading import zipped
 
 pytestmark = pytest.mark.real
 LONGEST_MS = 300_000
@@ -40,13 +39,15 @@ def sensorlogger_zip(measured: Recording, tmp_path_factory: pytest.TempPathFacto
     assert magnetometer is not None
     file = tmp_path_factory.mktemp("logger") / "2026-11-24_round.zip"
     told = "version,device name,platform,standardisation\n3,Test Phone,android,true\n"
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as packed:
-        packed.writestr("Metadata.csv", told)
-        packed.writestr("TotalAcceleration.csv", table(imu.t_s, imu.accel_mps2))
-        packed.writestr("Gyroscope.csv", table(imu.t_s, imu.gyro_radps))
-        packed.writestr("Magnetometer.csv", table(magnetometer.t_s, magnetometer.field_ut))
-        seen = "".join(f"{k},{k}.0,net,aa:bb:{k % 3},-{50 + k}\n" for k in range(1, 9))
-        packed.writestr("WiFi.csv", f"time,seconds_elapsed,ssid,bssid,level\n{seen}")
+    seen = "".join(f"{k},{k}.0,net,aa:bb:{k % 3},-{50 + k}\n" for k in range(1, 9))
+    files = {
+        "Metadata.csv": told,
+        "TotalAcceleration.csv": table(imu.t_s, imu.accel_mps2),
+        "Gyroscope.csv": table(imu.t_s, imu.gyro_radps),
+        "Magnetometer.csv": table(magnetometer.t_s, magnetometer.field_ut),
+        "WiFi.csv": f"time,seconds_elapsed,ssid,bssid,level\n{seen}",
+    }
+    file.write_bytes(zipped(files))
     return file
 
 
@@ -150,12 +151,9 @@ DROP = """async (files) => {
 
 
 def test_several_logs_are_dropped_at_once_and_told_apart(ada: Person) -> None:
-    content = io.BytesIO()
-    with zipfile.ZipFile(content, "w") as packed:
-        for name, text in LOGS[LogFormat.PHYPHOX]().items():
-            packed.writestr(name, text)
+    content = zipped(LOGS[LogFormat.PHYPHOX]())
     log = LOGS[LogFormat.GETSENSORDATA]()["walk.txt"].encode()
-    files = {"round.zip": content.getvalue(), "hall.txt": log, "plan.dwg": b"AC1032"}
+    files = {"round.zip": content, "hall.txt": log, "plan.dwg": b"AC1032"}
     page = ada.open()
     told = [[name, base64.b64encode(data).decode()] for name, data in files.items()]
     page.evaluate(DROP, told)
@@ -176,9 +174,7 @@ def walk_zip(tmp_path_factory: pytest.TempPathFactory) -> Path:
     recording, _ = simulate(load_world("studio"), 107, rounds=2)
     write_recording(recording, folder / "walk", chirp_description=describe_chirp())
     file = folder / "twice round.zip"
-    with zipfile.ZipFile(file, "w") as packed:
-        for each in (folder / "walk").iterdir():
-            packed.write(each, f"walk/{each.name}")
+    file.write_bytes(zipped(folder / "walk", "walk/"))
     return file
 
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import importlib
-import io
 import subprocess
 import sys
-import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -20,7 +18,9 @@ import pytest
 import soundfile
 
 from elfslam.stages.chirp import ChirpParameters, make_chirp
+from tests.serve.conftest import Json
 from tests.serve.pages.conftest import ARGUMENTS, CHROMIUM, PHONE, Pocket
+from tests.serve.uploading import unzipped
 from tests.waiting import until
 
 FAKE = ("--use-fake-ui-for-media-stream", "--use-fake-device-for-media-stream")
@@ -131,10 +131,11 @@ class Server:
 
     def download(self, recording: str, folder: Path) -> Path:
         """A recording as a folder."""
-        archive = self.ask(f"/api/recordings/{recording}/recording.zip").content
-        with zipfile.ZipFile(io.BytesIO(archive)) as files:
-            files.extractall(folder)
-        return next(folder.rglob("recording.json")).parent
+        folder.mkdir()
+        packed = self.ask(f"/api/recordings/{recording}/recording.zip").content
+        for name, content in unzipped(packed).items():
+            (folder / name).write_bytes(content)
+        return folder
 
 
 @pytest.fixture(scope="module")
@@ -160,12 +161,17 @@ class Phone:
 
     page: Any
     sensors: Any
-    address: str
+    server: Server
+    scratch: Path
     problems: list[str] = field(default_factory=list)
 
     def open(self) -> None:
         """Open the address of the QR code."""
-        self.page.goto(self.address)
+        self.page.goto(self.server.address)
+
+    def open_again(self) -> None:
+        """Open the page as who is paired already."""
+        self.page.goto(self.server.address.split("#")[0])
 
     def move(self) -> None:
         """Plant what the motion sensors read."""
@@ -204,6 +210,18 @@ class Phone:
         self.move()
         self.allow()
         self.start(name)
+
+    def finish(self) -> tuple[Path, Json]:
+        """Stop the walk and fetch it."""
+        self.page.click("#stop")
+        self.wait_for_text("#finish-said", "map is being made")
+        return self.fetch()
+
+    def fetch(self) -> tuple[Path, Json]:
+        """The one walk that the server has: its folder, and what is told of it."""
+        (told,) = self.server.recordings()
+        assert told["state"] == "ready"
+        return self.server.download(told["id"], self.scratch / "fetched"), told
 
     def text(self, selector: str) -> str:
         """What is written there."""
@@ -268,7 +286,7 @@ def browser(play: Any, hears: dict[str, Any]) -> Iterator[Any]:
 
 
 @pytest.fixture
-def phone(server: Server, browser: Any, locale: str) -> Iterator[Phone]:
+def phone(server: Server, browser: Any, locale: str, tmp_path: Path) -> Iterator[Phone]:
     """A phone that was just handed over; whatever its page throws fails the test."""
     context = browser.new_context(
         locale=locale,
@@ -279,7 +297,7 @@ def phone(server: Server, browser: Any, locale: str) -> Iterator[Phone]:
     )
     page = context.new_page()
     page.route("**/api/version", regular_chirps)
-    handed = Phone(page, context.new_cdp_session(page), server.address)
+    handed = Phone(page, context.new_cdp_session(page), server, tmp_path)
     page.on("pageerror", lambda error: handed.problems.append(str(error)))
     page.on("dialog", lambda dialog: dialog.accept())
     yield handed

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import re
 from collections.abc import Iterator
@@ -12,17 +11,15 @@ from typing import Any
 import numpy as np
 import pytest
 import soundfile
-from PIL import Image
 from scipy import signal
 
-from elfslam.base.values import Audio, FloorMap, Payload
+from elfslam.base.values import Audio
 from elfslam.data import baseband
 from elfslam.data.recordings import read_recording
 from elfslam.serve.settings import PAGES_FOLDER
 from elfslam.stages.chirp import describe_chirp
-from elfslam.stages.feature import load_encoder
 from tests.accessibility import violations
-from tests.serve.planting import plant_floor_map
+from tests.serve.planting import floor_map_of, picture, plant_floor_map
 
 RATE_HZ = 44_100
 HEIGHTS_PX = 48
@@ -63,19 +60,19 @@ def place_of(pattern: np.ndarray, sound: np.ndarray) -> int:
     return int(np.argmin(power[len(pattern) :] - power[: -len(pattern)] - 2 * match))
 
 
-def test_the_code_pairs_the_phone_and_leaves_no_token_behind(phone: Any, server: Any) -> None:
+def test_the_code_pairs_the_phone_and_leaves_no_token_behind(phone: Any) -> None:
     phone.open()
     phone.wait_for(lambda: "token" not in phone.page.url, "the token is gone")
     assert not phone.page.is_visible("#problem")
     cookie = phone.page.context.cookies()[0]
     assert (cookie["httpOnly"], cookie["sameSite"]) == (True, "Strict")
-    phone.page.goto(server.address.split("#")[0])
+    phone.open_again()
     phone.walk(0.5)
     assert not phone.page.is_visible("#problem")
 
 
-def test_a_phone_without_the_code_is_told_how_to_pair(phone: Any, server: Any) -> None:
-    phone.page.goto(server.address.split("#")[0] + "#token=wrong")
+def test_a_phone_without_the_code_is_told_how_to_pair(phone: Any) -> None:
+    phone.page.goto(phone.server.address.split("#")[0] + "#token=wrong")
     phone.wait_for_text("#problem", "this pairing token is not known here")
     assert phone.page.is_visible("#pair")
     assert "wrong" not in phone.page.url
@@ -122,28 +119,13 @@ def test_what_a_computer_lacks_is_told(phone: Any) -> None:
     phone.wait_for(lambda: not phone.page.is_visible("#awake"), "it does not matter any more")
 
 
-def finished(phone: Any, server: Any, folder: Path) -> tuple[Path, dict[str, Any]]:
-    """Stop the walk and fetch what the server has then."""
-    phone.page.click("#stop")
-    phone.wait_for_text("#finish-said", "map is being made")
-    return fetched(server, folder)
-
-
-def fetched(server: Any, folder: Path) -> tuple[Path, dict[str, Any]]:
-    (told,) = server.recordings()
-    assert told["state"] == "ready"
-    return server.download(told["id"], folder / "fetched"), told
-
-
-def test_what_was_heard_and_moved_is_what_the_server_has(
-    phone: Any, server: Any, heard: Heard, tmp_path: Path
-) -> None:
+def test_what_was_heard_and_moved_is_what_the_server_has(phone: Any, heard: Heard) -> None:
     phone.begin("Once around")
     phone.walk(6)
     share = int(phone.text("#heard").removesuffix(" %"))
     assert not phone.page.is_visible("#awake"), "the screen stays on"
     assert not phone.page.is_visible("#tapping"), "there is no plan on the phone"
-    folder, told = finished(phone, server, tmp_path)
+    folder, told = phone.finish()
     manifest = json.loads((folder / "recording.json").read_text())
     capture = manifest["capture"]
     assert capture["missed"] <= broken(capture)
@@ -192,9 +174,7 @@ def check_motion(folder: Path, end_s: float) -> None:
     assert 45 < len(accelerometer) / end_s < 65
 
 
-def test_the_band_is_kept_as_sound_and_nothing_else(
-    phone: Any, server: Any, heard: Heard, tmp_path: Path
-) -> None:
+def test_the_band_is_kept_as_sound_and_nothing_else(phone: Any, heard: Heard) -> None:
     phone.open()
     phone.move()
     phone.allow()
@@ -205,7 +185,7 @@ def test_the_band_is_kept_as_sound_and_nothing_else(
         phone.page.fill(f"#start-{field}", value)
     phone.page.click("text=Start walking")
     phone.walk(4)
-    folder, _ = finished(phone, server, tmp_path)
+    folder, _ = phone.finish()
     manifest = json.loads((folder / "recording.json").read_text())
     assert manifest["start_pose"] == pytest.approx([1.5, -2, np.pi / 2])
     frames = soundfile.read(folder / "frames.wav", dtype="int16")[0].reshape(-1, 3528)
@@ -225,9 +205,7 @@ def largest_difference(frame: np.ndarray, sound: np.ndarray) -> float:
     return float(abs(sound[start : start + len(frame)] - frame).max())
 
 
-def test_no_server_and_none_with_room_lose_nothing(
-    phone: Any, server: Any, heard: Heard, tmp_path: Path
-) -> None:
+def test_no_server_and_none_with_room_lose_nothing(phone: Any, heard: Heard) -> None:
     """The network is lost, then the server is killed, then its disk is full."""
     refusal = json.dumps({"status": 507, "detail": "the disk is full"})
 
@@ -246,7 +224,7 @@ def test_no_server_and_none_with_room_lose_nothing(
     assert phone.text("#sent") == sent
     phone.page.context.set_offline(False)
     phone.wait_for_text("#network-said", "Connected")
-    port = server.port
+    server, port = phone.server, phone.server.port
     server.stop()
     phone.wait_for_text("#network-said", "No network")
     server.start(port)
@@ -254,7 +232,7 @@ def test_no_server_and_none_with_room_lose_nothing(
     phone.page.route("**/api/uploads/*", refuse)
     phone.wait_for_text("#network-said", "disk is full")
     phone.page.unroute("**/api/uploads/*")
-    folder, _ = finished(phone, server, tmp_path)
+    folder, _ = phone.finish()
     check_sound(folder, heard)
 
 
@@ -266,9 +244,7 @@ def check_sound(folder: Path, heard: Heard) -> None:
     check_frames(audio.samples[0], starts_s, heard)
 
 
-def test_a_walk_without_network_is_sent_when_it_is_back(
-    phone: Any, server: Any, heard: Heard, tmp_path: Path
-) -> None:
+def test_a_walk_without_network_is_sent_when_it_is_back(phone: Any, heard: Heard) -> None:
     phone.open()
     phone.move()
     phone.allow()
@@ -277,13 +253,13 @@ def test_a_walk_without_network_is_sent_when_it_is_back(
     phone.walk(4)
     phone.page.click("#stop")
     phone.wait_for_text("#finish-trouble", "No network")
-    assert server.recordings() == []
+    assert phone.server.recordings() == []
     phone.page.context.set_offline(False)
     phone.wait_for_text("#finish-said", "map is being made")
-    check_sound(fetched(server, tmp_path)[0], heard)
+    check_sound(phone.fetch()[0], heard)
 
 
-def test_a_walk_outlives_its_page(phone: Any, server: Any, heard: Heard, tmp_path: Path) -> None:
+def test_a_walk_outlives_its_page(phone: Any, heard: Heard) -> None:
     """Here in a browser without a file system of its own: the database keeps the bytes."""
     begins = "export async function openOpfsStore() {"
     stores = (PAGES_FOLDER / "phone" / "byte_stores.js").read_text(encoding="utf-8")
@@ -299,15 +275,15 @@ def test_a_walk_outlives_its_page(phone: Any, server: Any, heard: Heard, tmp_pat
     phone.wait_for_text("#unfinished", "Broken off")
     phone.page.click("text=Continue sending")
     phone.wait_for_text("#finish-said", "map is being made")
-    folder, _ = fetched(server, tmp_path)
+    folder, _ = phone.fetch()
     check_sound(folder, heard)
     assert len(frame_times_s(folder)) > 35
-    phone.page.goto(server.address.split("#")[0])
+    phone.open_again()
     phone.walk(1)
     assert not phone.page.is_visible("#unfinished")
 
 
-def test_an_unfinished_walk_can_be_discarded(phone: Any, server: Any) -> None:
+def test_an_unfinished_walk_can_be_discarded(phone: Any) -> None:
     phone.begin("Not wanted")
     phone.walk(2)
     phone.page.reload()
@@ -318,25 +294,23 @@ def test_an_unfinished_walk_can_be_discarded(phone: Any, server: Any) -> None:
     phone.page.click("#unfinished >> text=Discard")
     phone.page.click("dialog[open] >> text='Discard'")
     phone.wait_for(lambda: not phone.page.is_visible("#unfinished"), "the walk is gone")
-    phone.wait_for(lambda: server.recordings() == [], "it is gone on the server")
+    phone.wait_for(lambda: phone.server.recordings() == [], "it is gone on the server")
     phone.page.reload()
     phone.walk(1)
     assert not phone.page.is_visible("#unfinished")
 
 
-def test_a_full_phone_ends_the_walk_and_keeps_it(
-    phone: Any, server: Any, heard: Heard, tmp_path: Path
-) -> None:
+def test_a_full_phone_ends_the_walk_and_keeps_it(phone: Any, heard: Heard) -> None:
     phone.begin()
     phone.walk(5)
-    origin = server.address.split("/#")[0]
+    origin = phone.server.address.split("/#")[0]
     given = {"origin": origin, "quotaSize": 150_000}
     phone.sensors.send("Storage.overrideQuotaForOrigin", given)
     phone.wait_for_text("#problem", "no room left")
     phone.sensors.send("Storage.overrideQuotaForOrigin", {"origin": origin})
     phone.wait_for(lambda: phone.page.is_visible("#finish"), "the walk has ended")
     phone.wait_for_text("#finish-said", "map is being made")
-    check_sound(fetched(server, tmp_path)[0], heard)
+    check_sound(phone.fetch()[0], heard)
 
 
 def test_every_view_fits_and_every_target_is_large(phone: Any) -> None:
@@ -406,22 +380,9 @@ MIDDLE_M = (WIDTH_M / 2, DEPTH_M / 2)
 def planned(server: Any) -> Iterator[str]:
     """A map on the server with a plan of 8 m by 4 m, in the middle of which is a door."""
     xy_m = np.array([[1.0, 1.0], [7.0, 3.0]])
-    vectors = np.eye(2, 128, dtype=np.float32)
-    spots = FloorMap(
-        xy_m=xy_m,
-        heading_rad=np.zeros(2),
-        walk=np.zeros(2, dtype=np.int64),
-        order=np.arange(2),
-        covariance_m2=np.tile(0.01 * np.eye(2), (2, 1, 1)),
-        payloads=(Payload("elf", load_encoder("compact").identity, vectors),),
-        parameters_digest="",
-        sources=("walk",),
-    )
-    map_id = plant_floor_map(server.data, spots)
-    image = io.BytesIO()
-    Image.new("RGB", (400, 200), "white").save(image, "PNG")
+    map_id = plant_floor_map(server.data, floor_map_of(xy_m, np.eye(2, 128, dtype=np.float32)))
     plan, kind = f"/api/maps/{map_id}/floor-plan", {"Content-Type": "image/png"}
-    server.ask(plan, "PUT", content=image.getvalue(), headers=kind)
+    server.ask(plan, "PUT", content=picture("PNG", 400, 200), headers=kind)
     server.ask(f"{plan}/placement", "PUT", json={"width_m": WIDTH_M, "x_m": 0, "y_m": 0})
     door = {"name": "Way in", "kind": "door", "x_m": MIDDLE_M[0], "y_m": MIDDLE_M[1]}
     points = {"version": "", "points": [door]}
@@ -450,9 +411,7 @@ def write_the_next_at_once(page: Any, name: str) -> None:
     )
 
 
-def test_places_tapped_on_the_plan_come_with_the_walk(
-    phone: Any, server: Any, planned: str, tmp_path: Path
-) -> None:
+def test_places_tapped_on_the_plan_come_with_the_walk(phone: Any, planned: str) -> None:
     take_map(phone)
     phone.begin("With a plan")
     assert not phone.page.is_visible("#marks-again")
@@ -478,7 +437,7 @@ def test_places_tapped_on_the_plan_come_with_the_walk(
     phone.walk(2)
     phone.page.get_by_role("button", name="I am at Way in again").click()
     phone.page.get_by_role("button", name='I am at Door, "left" again').wait_for()
-    folder, _ = finished(phone, server, tmp_path)
+    folder, _ = phone.finish()
     assert json.loads((folder / "recording.json").read_text())["tapped_on"] == planned
     told = read_recording(folder).checkpoints
     assert told is not None

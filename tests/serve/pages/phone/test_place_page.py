@@ -22,7 +22,7 @@ from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.stages.echo import EchoParameters, cut_echoes
 from elfslam.stages.feature import extract_features, load_encoder
 from tests.serve.pages.phone.conftest import Server
-from tests.serve.planting import opened, plant_floor_map
+from tests.serve.planting import floor_map_of, opened, plant_floor_map
 from tests.waiting import until
 
 HERE_M = (3.0, 2.0)
@@ -62,16 +62,7 @@ def map_of(sound: np.ndarray, rate_hz: int) -> FloorMap:
     generator = np.random.default_rng(3)
     vectors = generator.normal(0, 0.09, (len(xy_m), 128)).astype(np.float32)
     vectors[int(np.argmin(np.linalg.norm(xy_m - HERE_M, axis=1)))] = heard
-    return FloorMap(
-        xy_m=xy_m,
-        heading_rad=np.full(len(xy_m), np.pi / 2),
-        walk=np.zeros(len(xy_m), dtype=np.int64),
-        order=np.arange(len(xy_m)),
-        covariance_m2=np.tile(0.01 * np.eye(2), (len(xy_m), 1, 1)),
-        payloads=(Payload("elf", encoder.identity, vectors),),
-        parameters_digest="",
-        sources=("walk",),
-    )
+    return floor_map_of(xy_m, vectors, np.pi / 2)
 
 
 @pytest.fixture(scope="module")
@@ -349,9 +340,7 @@ def test_a_guest_is_located_by_a_link_and_without_an_account(
         page.locator("#problem", has_text="this link was withdrawn").wait_for()
 
 
-def test_a_floor_is_found_by_where_the_phone_is(
-    pocket: Any, server: Any, heard_map: FloorMap, published: str
-) -> None:
+def test_a_floor_is_found_by_where_the_phone_is(pocket: Any, server: Any, published: str) -> None:
     floor = f"[data-map='{published}']"
     with pocket.on() as page:
         page.clock.install()

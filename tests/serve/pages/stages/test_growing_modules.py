@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,7 @@ from elfslam.stages.feature import attenuation_of
 from elfslam.stages.graph import GraphParameters, build_graph, optimise
 from elfslam.stages.levels import LevelParameters
 from elfslam.stages.ways import LevelPosition, Route, way, way_graph
-from tests.in_node import needs_node, passed_in_node
+from tests.in_node import agrees_in_node, needs_node
 
 HERE = Path(__file__).parent
 LAP = 40
@@ -105,9 +104,7 @@ def closure_vectors() -> dict[str, Any]:
 @needs_node
 def test_graph_and_closures_are_those_of_the_line(tmp_path: Path) -> None:
     vectors = {"walks": [graph_vectors(seed) for seed in (1, 2, 3)], **closure_vectors()}
-    file = tmp_path / "growing.json"
-    file.write_text(json.dumps(vectors))
-    passed_in_node(HERE / "growing.test.mjs", ELFSLAM_VECTORS=file)
+    agrees_in_node(HERE / "growing.test.mjs", vectors, tmp_path)
 
 
 EVERY_S = 0.5
@@ -146,9 +143,7 @@ def test_the_vote_is_that_of_python(tmp_path: Path) -> None:
     }
     assert {sure for _, sure in told} == {True, False}
     assert len({each for each, sure in told if sure}) > 2
-    file = tmp_path / "floors.json"
-    file.write_text(json.dumps(scenes))
-    passed_in_node(HERE / "floor_location.test.mjs", ELFSLAM_VECTORS=file)
+    agrees_in_node(HERE / "floor_location.test.mjs", scenes, tmp_path)
 
 
 def building_vectors(seed: int) -> dict[str, Any]:
@@ -196,9 +191,8 @@ def told(route: Route | None) -> dict[str, Any] | None:
 
 @needs_node
 def test_ways_are_those_of_python(tmp_path: Path) -> None:
-    vectors, file = building_vectors(7), tmp_path / "ways.json"
+    vectors = building_vectors(7)
     wanted = [each["wanted"] for each in vectors["asked"]]
     assert wanted[-2] is None, "nobody walked to the island"
     assert {len(each["legs"]) for each in wanted if each} >= {1, 2}
-    file.write_text(json.dumps(vectors))
-    passed_in_node(HERE / "ways.test.mjs", ELFSLAM_VECTORS=file)
+    agrees_in_node(HERE / "ways.test.mjs", vectors, tmp_path)

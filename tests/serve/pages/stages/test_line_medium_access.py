@@ -25,7 +25,7 @@ from elfslam.stages.medium_access import (
     spoiled_frames,
 )
 from elfslam.stages.spoofing import REASONS, SpoofingParameters, judge, loudness
-from tests.in_node import needs_node, passed_in_node
+from tests.in_node import agrees_in_node, needs_node, passed_in_node
 
 RATE_HZ = 44_100
 PARAMETERS = MediumAccessParameters()
@@ -109,11 +109,7 @@ def test_medium_access_in_node(tmp_path: Path) -> None:
         "spoiled": spoiled_vectors(tmp_path),
         **hearing_vectors(tmp_path),
     }
-    (tmp_path / "medium_access.json").write_text(json.dumps(vectors))
-    passed_in_node(
-        Path(__file__).parent / "medium_access.test.mjs",
-        ELFSLAM_VECTORS=tmp_path / "medium_access.json",
-    )
+    agrees_in_node(HERE / "medium_access.test.mjs", vectors, tmp_path)
 
 
 HERE = Path(__file__).parent
