@@ -1,4 +1,4 @@
-"""Maps over HTTP: looked at, taken home, deleted, and nobody else's."""
+"""Maps over HTTP: looked at, taken home, deleted; and their points of interest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who may do what."""
+"""Who may do what: with a token on every route, by codes that pair, and not too often."""
 
 from __future__ import annotations
 

@@ -33,7 +33,6 @@ def map_id(owner: Somebody) -> str:
 
 
 Message = Callable[..., dict[str, Any]]
-Made = Callable[..., LivePosition]
 
 
 @pytest.fixture
@@ -48,18 +47,13 @@ def message(map_id: str) -> Message:
     return made
 
 
-@pytest.fixture
-def position() -> Made:
+def position(**more: Any) -> LivePosition:
     """Somebody's position in a map."""
-
-    def made(**more: Any) -> LivePosition:
-        told: dict[str, Any] = {
-            "map": "a" * 32, "walker": "b" * 32, "name": "Ada", "walk": WALK, "status": "OK",
-            "time_utc": now_utc(), "x_m": 1.0, "y_m": 2.0,
-        }  # fmt: skip
-        return LivePosition(**{**told, **more})
-
-    return made
+    told: dict[str, Any] = {
+        "map": "a" * 32, "walker": "b" * 32, "name": "Ada", "walk": WALK, "status": "OK",
+        "time_utc": now_utc(), "x_m": 1.0, "y_m": 2.0,
+    }  # fmt: skip
+    return LivePosition(**{**told, **more})
 
 
 @dataclass

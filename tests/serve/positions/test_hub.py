@@ -12,23 +12,23 @@ from typing import Any
 import httpx
 import pytest
 
-from elfslam.base.values import FloorMap
 from elfslam.serve.positions import hub as boards
 from elfslam.serve.positions.hub import BEAT, BEGIN, Board, Event, stream_of, written
+from tests.serve.conftest import Maps
 from tests.serve.planting import plant_floor_map
-from tests.serve.positions.conftest import Made
+from tests.serve.positions.conftest import position
 
 MAP = "a" * 32
 
 
-def test_each_walk_shows_its_last_position_by_name(position: Made) -> None:
+def test_each_walk_shows_its_last_position_by_name() -> None:
     board = Board()
     board.tell([position(x_m=1.0), position(x_m=3.0), position(name="Aaron", walk="c" * 8)])
     assert [(each.name, each.x_m) for each in board.there(MAP)] == [("Aaron", 1.0), ("Ada", 3.0)]
     assert board.there("f" * 32) == []
 
 
-def test_who_tells_nothing_is_shown_no_more(position: Made) -> None:
+def test_who_tells_nothing_is_shown_no_more() -> None:
     now_s = [0.0]
     board = Board(lambda: now_s[0])
     board.tell([position()])
@@ -38,7 +38,7 @@ def test_who_tells_nothing_is_shown_no_more(position: Made) -> None:
     assert board.there(MAP) == []
 
 
-def test_a_walker_leaves_with_one_walk_or_with_all(position: Made) -> None:
+def test_a_walker_leaves_with_one_walk_or_with_all() -> None:
     board = Board()
     board.tell([position(), position(walk="c" * 8), position(walker="d" * 32, walk="d" * 8)])
     board.leave("b" * 32, "c" * 8)
@@ -49,7 +49,7 @@ def test_a_walker_leaves_with_one_walk_or_with_all(position: Made) -> None:
     assert board.there(MAP) == []
 
 
-def test_one_walker_fills_no_board(position: Made) -> None:
+def test_one_walker_fills_no_board() -> None:
     board = Board()
     board.tell([position(walk=f"{k:08x}") for k in range(boards.MOST_WALKS + 5)])
     board.tell([position(walker="d" * 32)])
@@ -58,7 +58,7 @@ def test_one_walker_fills_no_board(position: Made) -> None:
 
 
 @pytest.mark.anyio
-async def test_a_listener_hears_of_their_map_alone(position: Made) -> None:
+async def test_a_listener_hears_of_their_map_alone() -> None:
     board, events = Board(), list[Event]()
     with board.listening(MAP, "u") as listener:
         await asyncio.to_thread(board.tell, [position(), position(map="f" * 32)])
@@ -74,7 +74,7 @@ async def test_a_listener_hears_of_their_map_alone(position: Made) -> None:
 
 
 @pytest.mark.anyio
-async def test_a_slow_listener_loses_the_oldest_and_keeps_nobody_waiting(position: Made) -> None:
+async def test_a_slow_listener_loses_the_oldest_and_keeps_nobody_waiting() -> None:
     board = Board()
     with board.listening(MAP, "u") as listener:
         board.tell([position(x_m=float(k)) for k in range(boards.MOST_WAITING + 3)])
@@ -103,7 +103,7 @@ def test_events_are_written_as_the_standard_says() -> None:
 
 
 @pytest.mark.anyio
-async def test_a_stream_begins_with_who_is_there_and_goes_on(position: Made) -> None:
+async def test_a_stream_begins_with_who_is_there_and_goes_on() -> None:
     board = Board()
     board.tell([position(x_m=7.0)])
     stream = stream_of(board, MAP, "u", allowed, beat_s=60)
@@ -156,9 +156,7 @@ PATIENCE_S = 60.0
 
 
 @pytest.mark.real
-def test_a_listener_hears_and_a_stop_ends_the_stream(
-    start_server: Start, maps: tuple[FloorMap, FloorMap]
-) -> None:
+def test_a_listener_hears_and_a_stop_ends_the_stream(start_server: Start, maps: Maps) -> None:
     server = start_server()
     map_id = plant_floor_map(server.data, maps[0])
     address = f"/api/maps/{map_id}/positions"

@@ -24,7 +24,7 @@ from elfslam.serve.positions.mqtt import Broker, MqttPublisher, parse_broker
 from elfslam.serve.settings import ServerSettings
 from studies.benchmarks.served import free_port
 from tests.serve.conftest import Somebody
-from tests.serve.positions.conftest import Made, Message, OwnBroker
+from tests.serve.positions.conftest import Message, OwnBroker, position
 from tests.waiting import until
 
 Heard = list[tuple[str, dict[str, Any]]]
@@ -56,7 +56,7 @@ def publishing(broker: Broker) -> Iterator[MqttPublisher]:
 
 
 @pytest.mark.real
-def test_each_position_is_published_as_json(mosquitto: OwnBroker, position: Made) -> None:
+def test_each_position_is_published_as_json(mosquitto: OwnBroker) -> None:
     mosquitto.start()
     with (
         listening(mosquitto.port) as heard,
@@ -72,7 +72,7 @@ def test_each_position_is_published_as_json(mosquitto: OwnBroker, position: Made
 
 @pytest.mark.real
 def test_a_broker_that_comes_back_is_found_again_and_that_is_said_once(
-    mosquitto: OwnBroker, position: Made, caplog: pytest.LogCaptureFixture
+    mosquitto: OwnBroker, caplog: pytest.LogCaptureFixture
 ) -> None:
     mosquitto.start()
     with (
@@ -98,7 +98,7 @@ def test_a_broker_that_comes_back_is_found_again_and_that_is_said_once(
 
 @pytest.mark.real
 def test_without_a_broker_nothing_waits_and_it_is_said_once(
-    position: Made, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(mqtt, "LONGEST_PAUSE_S", 1)
     tries: list[bool] = []

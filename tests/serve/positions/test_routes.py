@@ -16,7 +16,7 @@ from elfslam.serve.store.database import reading, transaction
 from elfslam.serve.store.sweeps import sweeping
 from elfslam.serve.store.tables import Building, Floor, KeptPosition, now_utc
 from tests.serve.conftest import DATABASES, Somebody, allow
-from tests.serve.positions.conftest import Made, Message
+from tests.serve.positions.conftest import Message, position
 from tests.waiting import until
 
 pytestmark = DATABASES
@@ -181,7 +181,7 @@ def test_history_goes_with_its_walker_and_with_its_map(
 
 
 def test_what_is_too_old_goes_with_the_sweep_and_at_a_start(
-    owner: Somebody, services: Services, map_id: str, position: Made
+    owner: Somebody, services: Services, map_id: str
 ) -> None:
     me = owner.id
     days = services.settings.limits.position_days
@@ -220,11 +220,7 @@ def test_a_database_that_is_away_is_said_once(
 
 
 def test_what_could_not_be_written_is_written_later(
-    owner: Somebody,
-    services: Services,
-    map_id: str,
-    position: Made,
-    monkeypatch: pytest.MonkeyPatch,
+    owner: Somebody, services: Services, map_id: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     me = owner.id
 
@@ -248,7 +244,7 @@ def test_without_days_no_history_is_kept(owner: Somebody, map_id: str, message: 
 
 
 def test_what_cannot_be_written_waits_and_the_oldest_gives_way(
-    owner: Somebody, services: Services, position: Made
+    owner: Somebody, services: Services
 ) -> None:
     buffer = HistoryBuffer(most=3)
     buffer.add([position(x_m=0.0), position(x_m=1.0)])

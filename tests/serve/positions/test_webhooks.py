@@ -40,7 +40,7 @@ from elfslam.serve.positions.webhooks import (
 from elfslam.serve.settings import ServerSettings
 from studies.benchmarks.served import free_port
 from tests.serve.conftest import Somebody
-from tests.serve.positions.conftest import Made, Message, Receiver, serving
+from tests.serve.positions.conftest import Message, Receiver, position, serving
 from tests.waiting import until
 
 MAP, SECRET = "a" * 32, "s" * 16
@@ -106,7 +106,7 @@ def run_rounds(world: World, *batches: list[LivePosition], at_s: Sequence[float]
     return asyncio.run(rounds())
 
 
-def test_positions_of_a_map_go_to_its_webhook_in_one_batch(position: Made) -> None:
+def test_positions_of_a_map_go_to_its_webhook_in_one_batch() -> None:
     world = World()
     run_rounds(world, [position(x_m=1.0), position(x_m=2.0), position(map="f" * 32)])
     [(target, address, body, _)] = world.got
@@ -118,7 +118,7 @@ def test_positions_of_a_map_go_to_its_webhook_in_one_batch(position: Made) -> No
     assert told.last_delivered_utc is not None
 
 
-def test_it_is_tried_three_times_and_then_dropped_and_said(position: Made) -> None:
+def test_it_is_tried_three_times_and_then_dropped_and_said() -> None:
     world = World(answers=[AWAY, AWAY, AWAY])
     run_rounds(world, [position()], [position(x_m=5.0)])
     assert len(world.got) == 4
@@ -128,7 +128,7 @@ def test_it_is_tried_three_times_and_then_dropped_and_said(position: Made) -> No
     assert told.last_error is None, "the last delivery went well"
 
 
-def test_the_last_error_is_told_until_it_goes_well(position: Made) -> None:
+def test_the_last_error_is_told_until_it_goes_well() -> None:
     world = World(answers=3 * [AWAY])
     run_rounds(world, [position()])
     told = world.outboxes.deliveries_of("h")
@@ -138,27 +138,27 @@ def test_the_last_error_is_told_until_it_goes_well(position: Made) -> None:
     assert world.outboxes.deliveries_of("h").last_error is None
 
 
-def test_what_is_refused_for_good_is_not_tried_again(position: Made) -> None:
+def test_what_is_refused_for_good_is_not_tried_again() -> None:
     world = World(answers=[DeliveryError("answered 410", is_final=True)])
     run_rounds(world, [position()])
     assert len(world.got) == 1
     assert world.outboxes.deliveries_of("h").dropped == 1
 
 
-def test_a_name_that_has_moved_inside_is_not_asked(position: Made) -> None:
+def test_a_name_that_has_moved_inside_is_not_asked() -> None:
     world = World(address=InputError("webhook h: leads to 10.0.0.7, which is not public"))
     run_rounds(world, [position()])
     assert world.got == []
     assert "10.0.0.7" in str(world.outboxes.deliveries_of("h").last_error)
 
 
-def test_after_a_failure_it_rests_ever_longer(position: Made) -> None:
+def test_after_a_failure_it_rests_ever_longer() -> None:
     world = World(answers=9 * [DeliveryError("answered 500", is_final=True)])
     at_s = (0.0, 1.9, 2.0, 5.9, 6.0)
     assert run_rounds(world, *(5 * [[position()]]), at_s=at_s) == [1, 1, 2, 2, 3]
 
 
-def test_a_queue_is_bounded_and_batches_too(position: Made) -> None:
+def test_a_queue_is_bounded_and_batches_too() -> None:
     world = World()
     run_rounds(world, [position(x_m=float(k)) for k in range(MOST_WAITING + 7)], [], [])
     sizes = [len(body["positions"]) for _, _, body, _ in world.got]
@@ -166,14 +166,14 @@ def test_a_queue_is_bounded_and_batches_too(position: Made) -> None:
     assert world.got[0][2]["positions"][0]["x_m"] == 7.0
 
 
-def test_what_came_while_it_rested_is_counted_as_dropped(position: Made) -> None:
+def test_what_came_while_it_rested_is_counted_as_dropped() -> None:
     world = World(answers=[DeliveryError("answered 500", is_final=True)])
     run_rounds(world, *(n * [position()] for n in (1, MOST_WAITING, 3)), at_s=(0.0, 0.0, 0.0))
     assert world.outboxes.deliveries_of("h").dropped == 1 + 3
 
 
 @pytest.mark.anyio
-async def test_what_a_walker_deletes_while_it_waits_is_not_passed_on(position: Made) -> None:
+async def test_what_a_walker_deletes_while_it_waits_is_not_passed_on() -> None:
     world = World(answers=[DeliveryError("answered 500", is_final=True)])
     postman = world.postman()
     mine, theirs = position(), position(walker="d" * 32, x_m=9.0)
@@ -189,7 +189,7 @@ async def test_what_a_walker_deletes_while_it_waits_is_not_passed_on(position: M
     assert world.outboxes.deliveries_of("h").delivered == 2
 
 
-def test_where_nothing_is_left_nothing_is_posted(position: Made) -> None:
+def test_where_nothing_is_left_nothing_is_posted() -> None:
     world = World()
     world.outboxes.forget_walker("b" * 32, position().time_utc)
     run_rounds(world, [position(time_utc=position().time_utc - timedelta(seconds=9))])
@@ -197,7 +197,7 @@ def test_where_nothing_is_left_nothing_is_posted(position: Made) -> None:
 
 
 @pytest.mark.anyio
-async def test_a_slow_webhook_keeps_no_other_waiting(position: Made) -> None:
+async def test_a_slow_webhook_keeps_no_other_waiting() -> None:
     stuck, arrived = asyncio.Event(), list[str]()
 
     async def send(target: Target, *_: object) -> None:
@@ -219,7 +219,7 @@ async def test_a_slow_webhook_keeps_no_other_waiting(position: Made) -> None:
 
 
 @pytest.mark.anyio
-async def test_a_deleted_webhook_gets_nothing_more(position: Made) -> None:
+async def test_a_deleted_webhook_gets_nothing_more() -> None:
     world = World(answers=[DeliveryError("answered 500", is_final=True)])
     postman = world.postman()
     for hooks, now_s in ((world.hooks, 0.0), (world.hooks, 0.0), ([], 0.0), ([], 1000.0)):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,19 +15,6 @@ from elfslam.serve.settings import Limits
 from tests.serve.conftest import Somebody, allow
 from tests.serve.uploading import append, begun, created
 
-Limited = Callable[..., Somebody]
-
-
-@pytest.fixture
-def limited(owner: Somebody) -> Limited:
-    """Makes the owner's client of a server with these limits."""
-
-    def make(**limits: float) -> Somebody:
-        allow(owner.services, **limits)
-        return owner
-
-    return make
-
 
 def upload(client: Somebody, walk: str, name: str = "wifi.csv") -> str:
     return str(created(client, recording=walk, filename=name).headers["location"])
@@ -39,53 +25,53 @@ def status(client: Somebody, walk: str, name: str = "wifi.csv", length: int | No
     return created(client, length, recording=walk, filename=name).status_code
 
 
-def test_a_file_has_a_size(limited: Limited) -> None:
-    client = limited(file_bytes=1000)
-    walk = begun(client)
-    assert status(client, walk, length=1001) == 413
-    place = upload(client, walk)
-    assert append(client, place, 0, bytes(900)).status_code == 204
-    assert append(client, place, 900, bytes(101)).status_code == 413
-    assert append(client, place, 900, bytes(100)).status_code == 204
+def test_a_file_has_a_size(owner: Somebody) -> None:
+    allow(owner.services, file_bytes=1000)
+    walk = begun(owner)
+    assert status(owner, walk, length=1001) == 413
+    place = upload(owner, walk)
+    assert append(owner, place, 0, bytes(900)).status_code == 204
+    assert append(owner, place, 900, bytes(101)).status_code == 413
+    assert append(owner, place, 900, bytes(100)).status_code == 204
 
 
-def test_a_recording_has_a_size(limited: Limited) -> None:
-    client = limited(recording_bytes=1000)
-    walk = begun(client)
-    first, second = upload(client, walk), upload(client, walk, "emr.csv")
-    assert append(client, first, 0, bytes(800)).status_code == 204
-    assert append(client, second, 0, bytes(300)).status_code == 413
-    assert append(client, second, 0, bytes(200)).status_code == 204
-    assert append(client, upload(client, begun(client)), 0, bytes(800)).status_code == 204
+def test_a_recording_has_a_size(owner: Somebody) -> None:
+    allow(owner.services, recording_bytes=1000)
+    walk = begun(owner)
+    first, second = upload(owner, walk), upload(owner, walk, "emr.csv")
+    assert append(owner, first, 0, bytes(800)).status_code == 204
+    assert append(owner, second, 0, bytes(300)).status_code == 413
+    assert append(owner, second, 0, bytes(200)).status_code == 204
+    assert append(owner, upload(owner, begun(owner)), 0, bytes(800)).status_code == 204
 
 
-def test_a_user_has_a_size(limited: Limited) -> None:
-    client = limited(user_bytes=1000)
-    first, second = begun(client), begun(client)
-    assert append(client, upload(client, first), 0, bytes(800)).status_code == 204
-    assert status(client, second, length=300) == 413
-    assert client.get("/api/me").json()["used_bytes"] == 800
-    assert client.delete(f"/api/recordings/{first}").status_code == 204
-    assert status(client, second, length=300) == 201
+def test_a_user_has_a_size(owner: Somebody) -> None:
+    allow(owner.services, user_bytes=1000)
+    first, second = begun(owner), begun(owner)
+    assert append(owner, upload(owner, first), 0, bytes(800)).status_code == 204
+    assert status(owner, second, length=300) == 413
+    assert owner.get("/api/me").json()["used_bytes"] == 800
+    assert owner.delete(f"/api/recordings/{first}").status_code == 204
+    assert status(owner, second, length=300) == 201
 
 
-def test_counts_have_an_end(limited: Limited) -> None:
-    client = limited(recordings=2, open_uploads=2, users=2)
-    walk = begun(client)
-    assert client.post("/api/recordings", json={"name": "w"}).status_code == 201
-    assert client.post("/api/recordings", json={"name": "w"}).status_code == 409
-    codes = [status(client, walk, name) for name in ("wifi.csv", "emr.csv", "audio.wav")]
+def test_counts_have_an_end(owner: Somebody) -> None:
+    allow(owner.services, recordings=2, open_uploads=2, users=2)
+    walk = begun(owner)
+    assert owner.post("/api/recordings", json={"name": "w"}).status_code == 201
+    assert owner.post("/api/recordings", json={"name": "w"}).status_code == 409
+    codes = [status(owner, walk, name) for name in ("wifi.csv", "emr.csv", "audio.wav")]
     assert codes == [201, 201, 409]
-    assert client.post("/api/users", json={"name": "a"}).status_code == 201
-    assert client.post("/api/users", json={"name": "b"}).status_code == 409
+    assert owner.post("/api/users", json={"name": "a"}).status_code == 201
+    assert owner.post("/api/users", json={"name": "b"}).status_code == 409
 
 
-def test_requests_that_are_no_uploads_are_small(limited: Limited) -> None:
-    client = limited(request_bytes=100)
-    assert client.post("/api/recordings", json={"name": "w" * 110}).status_code == 413
+def test_requests_that_are_no_uploads_are_small(owner: Somebody) -> None:
+    allow(owner.services, request_bytes=100)
+    assert owner.post("/api/recordings", json={"name": "w" * 110}).status_code == 413
     pieces = (b'{"name": "', b"w" * 110, b'"}')
     sent = {"Content-Type": "application/json"}
-    answer = client.post("/api/recordings", content=iter(pieces), headers=sent)
+    answer = owner.post("/api/recordings", content=iter(pieces), headers=sent)
     assert answer.status_code == 413
 
 

@@ -33,11 +33,11 @@ HEARD_S = 10.0
 ACCELERATION_MPS2 = (0.3, 1.2, 9.7)
 TURNING_RADPS = (0.1, -0.2, 0.3)
 PATIENCE_S = 40.0
-RoomSound = Callable[[int, float], np.ndarray]
 
 
 @cache
-def _room_sound(rate_hz: int, duration_s: float) -> np.ndarray:
+def room_sound(rate_hz: int, duration_s: float) -> np.ndarray:
+    """Sound of chirps every 100 ms with echoes and noise, the first direct arrival after 43 ms."""
     chirp = make_chirp(ChirpParameters(), rate_hz).samples
     generator = np.random.default_rng(7)
     sound = 1e-4 * generator.standard_normal(round(duration_s * rate_hz))
@@ -66,16 +66,10 @@ def benchmark() -> Callable[[str], Any]:
 
 
 @pytest.fixture(scope="session")
-def room_sound() -> RoomSound:
-    """Sound of chirps every 100 ms with echoes and noise, the first direct arrival after 43 ms."""
-    return _room_sound
-
-
-@pytest.fixture(scope="session")
 def heard(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, np.ndarray]:
     """What the fake microphone hears: its file, and the 16-bit samples in it."""
     file = tmp_path_factory.mktemp("microphone") / "heard.wav"
-    sound = _room_sound(FAKE_MICROPHONE_HZ, HEARD_S)
+    sound = room_sound(FAKE_MICROPHONE_HZ, HEARD_S)
     last = round((0.043 + 9.9) * FAKE_MICROPHONE_HZ)
     whole = sound.copy()
     whole[last : last + 441] += 0.15 * make_chirp(ChirpParameters(), FAKE_MICROPHONE_HZ).samples
