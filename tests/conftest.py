@@ -14,9 +14,9 @@ settings.load_profile("steady")
 
 PROJECT_ROOT = Path(__file__).resolve().parents[1]
 REAL_PARTS = {
-    *("browser", "phone", "pocket", "open_desk", "working_desk"),
+    *("browser", "phone", "pocket", "working_desk"),
     *("origin", "start_server", "running_server", "serve"),
-    *("ended", "postgresql", "ray", "s3", "mosquitto"),
+    *("postgresql", "ray", "s3", "mosquitto"),
 }
 """Fixtures and parameters by which a test gets a browser, a server process, a job, a database."""
 

@@ -1,5 +1,6 @@
 """Page modules run by node."""
 
+import json
 import os
 import re
 import shutil
@@ -29,3 +30,10 @@ def passed_in_node(file: Path, **environment: object) -> int:
     passed = int(re.search(r"^# pass (\d+)$", done.stdout, re.M)[1])
     assert passed > 0, f"{file}: no test ran"
     return passed
+
+
+def agrees_in_node(file: Path, vectors: object, folder: Path) -> int:
+    """How many tests of a file passed on vectors, which are put into a folder for them."""
+    told = folder / "vectors.json"
+    told.write_text(json.dumps(vectors))
+    return passed_in_node(file, ELFSLAM_VECTORS=told)

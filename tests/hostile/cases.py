@@ -6,13 +6,12 @@ import os
 import random
 import shutil
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from damaged_formats import damages_of
 from forked_commands import Commands, Ended
 
-PROPERTY = "hostile files"
 MOST_BYTES = 2**30
 OUT = "out"
 EXPORTS = {"geojson": "geojson", "g2o": "g2o", "parquet": "parquet", "ros": "yaml", "imdf": "zip"}
@@ -112,23 +111,6 @@ def _of_maps() -> Iterator[Target]:
 
 TARGETS = tuple(_targets())
 FAMILIES = tuple(dict.fromkeys(target.family for target in TARGETS))
-
-
-@dataclass
-class Tally:
-    """What all cases came to."""
-
-    cases: int = 0
-    refused: int = 0
-    peak_bytes: int = 0
-    faults: list[str] = field(default_factory=list)
-
-    def count(self, told: str, ended: Ended, faults: list[str]) -> None:
-        """Count one case."""
-        self.cases += 1
-        self.refused += ended.code == 2
-        self.peak_bytes = max(self.peak_bytes, ended.peak_bytes)
-        self.faults += [f"{fault}: {told}" for fault in faults]
 
 
 def copied(base: Path, given: str, folder: Path) -> Path:

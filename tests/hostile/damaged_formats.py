@@ -182,6 +182,23 @@ def a_zip_entry(file: Path, chance: random.Random) -> None:
     _zip_again(file, members, method)
 
 
+def zip_directory(count: int) -> bytes:
+    """The directory of so many entries, and no entry: 46 bytes each."""
+    entry = struct.pack("<4s6H3L5H2L", b"PK\x01\x02", *[0] * 16)
+    ends = (b"PK\x05\x06", 0, 0, count & 0xFFFF, count & 0xFFFF, count * len(entry), 0, 0)
+    return entry * count + struct.pack("<4s4H2LH", *ends)
+
+
+def changed_lzma(name: str, content: bytes) -> bytes:
+    """A zip of a file that is packed by LZMA, of which one byte is another."""
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w", zipfile.ZIP_LZMA) as archive:
+        archive.writestr(name, content)
+    packed = bytearray(made.getvalue())
+    packed[60] ^= 0xFF
+    return bytes(packed)
+
+
 def a_zip_directory(content: bytes, chance: random.Random) -> bytes:
     """The directory of a zip claims another size, place, method, kind or number of entries."""
     made = bytearray(content)
@@ -189,10 +206,7 @@ def a_zip_directory(content: bytes, chance: random.Random) -> bytes:
     entry, end = content.rfind(b"PK\x01\x02"), content.rfind(b"PK\x05\x06")
     kind = chance.randrange(5)
     if kind == 4:
-        count = 1_000_000
-        one = struct.pack("<4s6H3L5H2L", b"PK\x01\x02", *[0] * 16)
-        ends = (b"PK\x05\x06", 0, 0, count & 0xFFFF, count & 0xFFFF, count * len(one), 0, 0)
-        return one * count + struct.pack("<4s4H2LH", *ends)
+        return zip_directory(1_000_000)
     if entry < 0 or end < 0:
         return content
     if kind == 0:

@@ -61,7 +61,7 @@ def test_a_change_found_in_two_pieces_is_one_right_change() -> None:
     split = levels(
         (0, 2, None), (41, np.nan, STAIRS), (44, 2, None), (46, np.nan, STAIRS), (50, 3, None)
     )
-    (row,) = level_scores(run(split), TRUTH)
+    (row,) = scoring.level_scores(run(split), TRUTH)
     assert (row["changes"], row["found"], row["false"], row["kind_right"]) == (2, 1, 0, 1)
 
 

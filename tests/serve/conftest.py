@@ -4,46 +4,135 @@ from __future__ import annotations
 
 import secrets
 import shutil
+import tempfile
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import httpx
 import numpy as np
 import pytest
 from fastapi import FastAPI
+from httpx import Response
 
-from elfslam.base.values import Audio, FloorMap, Imu, Payload, Recording
+from elfslam.base.values import Audio, FloorMap, Imu, Payload
+from elfslam.base.values import Recording as Walk
 from elfslam.data.recordings import write_recording
 from elfslam.serve.app import create_app
 from elfslam.serve.people.access import new_token
 from elfslam.serve.people.users import add_user, set_owner_token
 from elfslam.serve.services import Services, open_services
 from elfslam.serve.settings import PAGES_FOLDER, ServerSettings
-from elfslam.serve.store.tables import Map
+from elfslam.serve.store.tables import Map, Recording, RecordingState
 from elfslam.stages.feature import load_encoder
 from studies.benchmarks.served import Served, start
 from tests.serve.own_postgresql import initdb, own_postgresql
-from tests.serve.planting import plant_files, plant_floor_map
+from tests.serve.planting import plant_files
+from tests.waiting import until
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # of Starlette about the HTTP client it would rather have
     from starlette.testclient import TestClient
 
 SPOTS, SIDE_M = 400, 30.0
+PATIENCE_S = 300.0
+Json = dict[str, Any]
 Maps = tuple[FloorMap, FloorMap]
-LetIn = Callable[[str], TestClient]
+DATABASES = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
+
+
+class Somebody(TestClient):
+    """A client of the server with cookies of its own, and what its user may have there."""
+
+    services: Services
+    walks: Path | None = None
+    """Where the files of recordings lie, by name."""
+
+    @property
+    def id(self) -> str:
+        """Of their user."""
+        return str(self.get("/api/me").json()["id"])
+
+    def put_map(self, name: str = "Hall", **more: Any) -> str:
+        """A map of theirs that is a report and nothing else; its id."""
+        with tempfile.TemporaryDirectory() as folder:
+            Path(folder, "report.html").write_text(folder)
+            row = Map(user_id=self.id, name=name, kind="run", **more)
+            return plant_files(self.services, row, Path(folder))
+
+    def remember(self, name: str, folder: Path | None = None, **more: Any) -> str:
+        """A walk among their recordings, as if it had been uploaded; its id."""
+        row = Recording(user_id=self.id, name=name, state=RecordingState.READY, **more)
+        return plant_files(self.services, row, folder or (self.walks and self.walks / name))
+
+    def share(self, map_id: str, other: Somebody, may: str | None = "read") -> Response:
+        """What is answered to letting somebody else read or edit a map."""
+        return self.put(f"/api/maps/{map_id}/shares/{other.id}", json={"may": may})
+
+    def link(self, map_id: str) -> str:
+        """The link by which everyone may read a map."""
+        told = self.put(f"/api/maps/{map_id}/link", json={"may": "read"}).json()["link"]
+        return str(told["url"].partition("#link=")[2].partition("&")[0])
+
+    def open_link(self, link: str) -> Response:
+        """What is answered to opening a link."""
+        return self.post("/api/links/open", json={"link": link})
+
+    def start(self, **given: object) -> str:
+        """A job that they ask for; its id."""
+        answer = self.post("/api/jobs", json=given)
+        assert answer.status_code == 202, answer.text
+        return str(answer.json()["id"])
+
+    def ended(self, job_id: str) -> Json:
+        """A job of theirs that has ended, waited for."""
+        return job_when(self, job_id, lambda job: job["state"] not in ("queued", "running"))
+
+    def done(self, **given: object) -> Json:
+        """A job that they ask for, when it has ended."""
+        return self.ended(self.start(**given))
+
+
+def asking(app: FastAPI, host: str = "127.0.0.1", **more: Any) -> Somebody:
+    """A client of an app, at some address; the server does not run."""
+    return Somebody(app, client=(host, 50_000), **{"base_url": "http://127.0.0.1", **more})
+
+
+def allow(services: Services, **limits: float) -> None:
+    """Change the limits of a server that runs."""
+    allowed = replace(services.settings.limits, **limits)  # type: ignore[arg-type]
+    object.__setattr__(services.settings, "limits", allowed)
+
+
+def job_when(client: httpx.Client, job_id: str, wanted: Callable[[Json], bool]) -> Json:
+    """A job, as soon as it is as wanted."""
+
+    def as_wanted() -> Json | None:
+        job: Json = client.get(f"/api/jobs/{job_id}").json()
+        return job if wanted(job) else None
+
+    return until(as_wanted, "the job as wanted", patience_s=PATIENCE_S) or {}
+
+
+LetIn = Callable[[str], Somebody]
+
+
+@pytest.fixture
+def anyio_backend() -> str:
+    """On what tests run that are coroutines: as the server does."""
+    return "asyncio"
 
 
 @pytest.fixture(scope="session")
 def postgresql() -> Iterator[str]:
     """A PostgreSQL of our own, by the folder of its socket; skips the test where there is none."""
     pytest.importorskip("psycopg")
-    if initdb() is None:
+    if (program := initdb()) is None:
         pytest.skip("PostgreSQL is not installed (Debian: apt-get install postgresql)")
-    with own_postgresql(fsync="off") as running:
-        yield running.folder
+    with own_postgresql(program) as folder:
+        yield folder
 
 
 @pytest.fixture
@@ -94,56 +183,65 @@ def services(app: FastAPI) -> Services:
 @pytest.fixture
 def anyone(app: FastAPI) -> Iterator[TestClient]:
     """Somebody on this machine without a token, while the server runs."""
-    with TestClient(app, client=("127.0.0.1", 50_000), base_url="http://127.0.0.1") as client:
+    with asking(app) as client:
         yield client
 
 
 @pytest.fixture
-def owner(app: FastAPI, anyone: TestClient, services: Services) -> TestClient:
+def owner(passer_by: Callable[..., Somebody], services: Services) -> Somebody:
     """The owner's client."""
-    token = new_token()
-    set_owner_token(services, token)
-    return _client_of(app, anyone, token)
+    set_owner_token(services, token := new_token())
+    return passer_by(token)
 
 
 @pytest.fixture
-def guest(app: FastAPI, anyone: TestClient, services: Services) -> TestClient:
-    """The client of somebody else whom the owner let in."""
-    return _client_of(app, anyone, add_user(services, "guest")[1])
-
-
-@pytest.fixture
-def let_in(app: FastAPI, anyone: TestClient, services: Services) -> LetIn:
+def let_in(passer_by: Callable[..., Somebody], services: Services) -> LetIn:
     """Lets somebody in by name; gives their client."""
-    return lambda name: _client_of(app, anyone, add_user(services, name)[1])
+    return lambda name: passer_by(add_user(services, name)[1])
 
 
 @pytest.fixture
-def passer_by(app: FastAPI, anyone: TestClient) -> Callable[[], TestClient]:
-    """Makes clients without a token, each with cookies of its own."""
-    return lambda: _client_of(app, anyone, None)
+def guest(let_in: LetIn) -> Somebody:
+    """The client of somebody else whom the owner let in."""
+    return let_in("guest")
 
 
 @pytest.fixture
-def put_map(services: Services, tmp_path: Path) -> Callable[..., str]:
-    """Puts a map that is a report and nothing else among those of a client's user; its id."""
-
-    def put(client: TestClient, name: str = "Hall", **more: Any) -> str:
-        user_id, folder = client.get("/api/me").json()["id"], tmp_path / secrets.token_hex(4)
-        folder.mkdir()
-        (folder / "report.html").write_text(folder.name)
-        return plant_files(services, Map(user_id=user_id, name=name, kind="run", **more), folder)
-
-    return put
+def ada(let_in: LetIn) -> Somebody:
+    """Somebody whom the owner let in."""
+    return let_in("Ada")
 
 
-def _client_of(app: FastAPI, running: TestClient, token: str | None) -> TestClient:
-    header = {} if token is None else {"Authorization": f"Bearer {token}"}
-    client = TestClient(
-        app, headers=header, client=("127.0.0.1", 50_001), base_url="http://127.0.0.1"
-    )
-    client.portal = running.portal  # one event loop, as in a real server
-    return client
+@pytest.fixture
+def eve(let_in: LetIn) -> Somebody:
+    """Somebody else."""
+    return let_in("Eve")
+
+
+@pytest.fixture
+def bob(let_in: LetIn) -> Somebody:
+    """A third."""
+    return let_in("Bob")
+
+
+@pytest.fixture
+def visitor(passer_by: Callable[..., Somebody]) -> Somebody:
+    """Somebody without a token."""
+    return passer_by()
+
+
+@pytest.fixture
+def passer_by(app: FastAPI, anyone: TestClient, services: Services) -> Callable[..., Somebody]:
+    """Makes clients, each with cookies of its own, and with a token where one is given."""
+
+    def made(token: str | None = None) -> Somebody:
+        header = {} if token is None else {"Authorization": f"Bearer {token}"}
+        client = asking(app, headers=header)
+        client.portal = anyone.portal  # one event loop, as in a real server
+        client.services = services
+        return client
+
+    return made
 
 
 @pytest.fixture(scope="session")
@@ -152,7 +250,7 @@ def walk_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     generator = np.random.default_rng(0)
     t_s = np.arange(40) / 50
     gravity = generator.normal([0, 0, 9.8], 0.1, (40, 3))
-    recording = Recording(
+    recording = Walk(
         name="round the table",
         device="test phone",
         audio=Audio(generator.uniform(-0.1, 0.1, (1, 35_280)), 44_100),
@@ -203,35 +301,3 @@ def maps() -> Maps:
     places = first.xy_m.copy()
     places[0] = [-5.0, 3.0]
     return first, replace(first, weight=first.weight * fading, xy_m=places)
-
-
-@dataclass(frozen=True)
-class Planted:
-    """Maps put where jobs would have left them."""
-
-    services: Services
-    scratch: Path
-
-    def put(
-        self, floor_map: FloorMap, map_id: str | None = None, encoder: bytes | None = None
-    ) -> str:
-        """A map of the owner's, or another content of one; its id."""
-        folder = self.scratch / f"map{len(list(self.scratch.iterdir()))}"
-        folder.mkdir()
-        return plant_floor_map(self.services, floor_map, folder, map_id, encoder)
-
-
-@pytest.fixture
-def plant(tmp_path: Path) -> Iterator[Callable[[Path], Planted]]:
-    """Plants maps into the data folder of a server that runs."""
-    opened: list[Services] = []
-
-    def planted(data: Path) -> Planted:
-        opened.append(open_services(ServerSettings(data)))
-        scratch = tmp_path / f"planted{len(opened)}"
-        scratch.mkdir()
-        return Planted(opened[-1], scratch)
-
-    yield planted
-    for services in opened:
-        services.engine.dispose()

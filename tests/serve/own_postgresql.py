@@ -7,31 +7,11 @@ import shutil
 import signal
 import subprocess
 import tempfile
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
-PATIENCE_S = 120.0
-
-
-@dataclass(frozen=True)
-class Postgresql:
-    """A database that runs."""
-
-    process: subprocess.Popen[bytes]
-    folder: str
-
-    @property
-    def url(self) -> str:
-        """SQLAlchemy's."""
-        return f"postgresql+psycopg://elfslam@/elfslam?host={self.folder}"
-
-    @property
-    def told(self) -> str:
-        """How psycopg connects."""
-        return f"host={self.folder} user=elfslam dbname=elfslam"
+from tests.waiting import until
 
 
 def initdb() -> str | None:
@@ -41,14 +21,8 @@ def initdb() -> str | None:
 
 
 @contextmanager
-def own_postgresql(**settings: str) -> Iterator[Postgresql]:
-    """Starts it with its default settings but for those given; ends it at once afterwards.
-
-    Its data go with it. Raises SystemExit where it is not installed.
-    """
-    program = initdb()
-    if program is None:
-        raise SystemExit("PostgreSQL is not installed (Debian: apt-get install postgresql)")
+def own_postgresql(program: str) -> Iterator[str]:
+    """Starts it, by its `initdb`; gives the folder of its socket. Its data go with it."""
     binaries, folder = Path(program).resolve().parent, tempfile.mkdtemp(prefix="pg")
     user = "postgres" if os.getuid() == 0 else None
     if user is not None:
@@ -56,33 +30,24 @@ def own_postgresql(**settings: str) -> Iterator[Postgresql]:
     data = Path(folder) / "data"
     make = f"{binaries}/initdb -A trust -U elfslam -E UTF8 -D {data}".split()
     subprocess.run(make, check=True, stdout=subprocess.DEVNULL, user=user, cwd=folder)
-    told = {"listen_addresses": "", **settings}
-    more = [word for name, value in told.items() for word in ("-c", f"{name}={value}")]
-    command = [binaries / "postgres", "-D", data, "-k", folder, *more]
+    told = ("-c", "listen_addresses=", "-c", "fsync=off")
+    command = [binaries / "postgres", "-D", data, "-k", folder, *told]
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL, user=user, cwd=folder)
     try:
-        _make_database(folder)
-        yield Postgresql(process, folder)
+        until(lambda: answers(folder), "PostgreSQL")
+        yield folder
     finally:
         process.send_signal(signal.SIGQUIT)
         process.wait()
         shutil.rmtree(folder)
 
 
-def _make_database(folder: str) -> None:
+def answers(folder: str) -> bool:
+    """Whether it has started."""
     import psycopg
 
-    until_s = time.monotonic() + PATIENCE_S
-    whole = f"host={folder} user=elfslam dbname=postgres"
-    while True:
-        try:
-            with psycopg.connect(whole, autocommit=True) as connection:
-                connection.execute("CREATE DATABASE elfslam")
-        except psycopg.errors.DuplicateDatabase:
-            return
-        except psycopg.OperationalError as error:
-            if time.monotonic() > until_s:
-                raise SystemExit("PostgreSQL does not start") from error
-            time.sleep(0.05)
-        else:
-            return
+    try:
+        psycopg.connect(f"host={folder} user=elfslam dbname=postgres").close()
+    except psycopg.OperationalError:
+        return False
+    return True

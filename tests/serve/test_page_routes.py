@@ -23,6 +23,7 @@ from elfslam.serve.app import create_app
 from elfslam.serve.page_routes import PIECE_BYTES, PageFiles, takes_gzip
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import PAGES_FOLDER, ServerSettings
+from tests.serve.conftest import asking
 
 TEXT = "export const words = 'again and again';\n" * 50
 FILES = {
@@ -56,7 +57,7 @@ def pages(tmp_path: Path) -> Path:
 @pytest.fixture
 def client(settings: ServerSettings, pages: Path) -> Iterator[TestClient]:
     app = create_app(open_services(replace(settings, pages_folder=pages)))
-    yield TestClient(app, client=("127.0.0.1", 1), base_url="http://127.0.0.1")
+    yield asking(app)
     app.state.services.engine.dispose()
 
 
@@ -81,7 +82,8 @@ def test_text_is_sent_compressed_to_whoever_takes_that(client: TestClient) -> No
     assert others["etag"] != headers["etag"]
 
 
-def test_who_is_slow_makes_the_server_hold_little(tmp_path: Path) -> None:
+@pytest.mark.anyio
+async def test_who_is_slow_makes_the_server_hold_little(tmp_path: Path) -> None:
     text = random.Random(0).randbytes(4 * PIECE_BYTES).hex()
     (tmp_path / "large.js").write_text(text)
     held: list[bytes] = []
@@ -93,15 +95,24 @@ def test_who_is_slow_makes_the_server_hold_little(tmp_path: Path) -> None:
         await asyncio.Event().wait()
         raise AssertionError
 
-    async def get() -> None:
-        asked = [(b"accept-encoding", b"gzip")]
-        scope: Scope = {"type": "http", "method": "GET", "path": "/large.js", "headers": asked}
-        await (await PageFiles(tmp_path).get_response("large.js", scope))(scope, leave, keep)
-
-    asyncio.run(get())
+    asked = [(b"accept-encoding", b"gzip")]
+    scope: Scope = {"type": "http", "method": "GET", "path": "/large.js", "headers": asked}
+    await (await PageFiles(tmp_path).get_response("large.js", scope))(scope, leave, keep)
     assert gzip.decompress(b"".join(held)).decode() == text
     assert len(held) > 4
     assert max(map(len, held)) == PIECE_BYTES
+
+
+def test_pages_and_their_kinds(client: TestClient) -> None:
+    assert client.get("/").text == FILES["phone.html"]
+    assert client.get("/desk").text == "desk"
+    for path, kind in (
+        ("/phone/main.js", "text/javascript"),
+        ("/vendor/qrcode-generator/qrcode.mjs", "text/javascript"),
+        ("/vendor/runtime/run.wasm", "application/wasm"),
+    ):
+        assert client.get(path).headers["content-type"].partition(";")[0] == kind
+    assert client.get("/phone/main.js").headers["cache-control"] == "no-cache"
 
 
 def test_what_does_not_get_smaller_is_sent_as_it_is(client: TestClient) -> None:

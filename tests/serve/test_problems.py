@@ -24,38 +24,24 @@ class Checked(BaseModel):
     sha256: str = Field(pattern="^[0-9a-f]{64}$")
 
 
-ERRORS = {
-    "/problem": Problem(423, "wait", {"Retry-After": "1"}),
-    "/input": InputError("audio.flac: is cut off; copy the file again"),
-    "/full": OSError(errno.ENOSPC, "No space left on device"),
-    "/quota": OSError(errno.EDQUOT, "Disk quota exceeded"),
-    "/full-database": OperationalError("insert", {}, Exception("database or disk is full")),
-    "/away": OperationalError("insert", {}, Exception("server closed the connection")),
-    "/waited": PoolTimeout("QueuePool limit"),
-    "/locked": OperationalError("begin", {}, Exception("database is locked")),
-    "/damaged": DatabaseError("select", {}, Exception("database disk image is malformed")),
-    "/wrong": IntegrityError("insert", {}, Exception("secret: NOT NULL constraint failed")),
-    "/bug": ZeroDivisionError("secret"),
-    "/file": FileNotFoundError(2, "No such file", "/secret"),
-}
 try:
     Checked(sha256="secret")
-except ValidationError as unlike:
-    ERRORS["/unlike"] = unlike
-STATUSES = {
-    "/problem": 423,
-    "/input": 422,
-    "/full": 507,
-    "/quota": 507,
-    "/full-database": 507,
-    "/away": 503,
-    "/waited": 503,
-    "/locked": 503,
-    "/damaged": 503,
-    "/unlike": 503,
-    "/wrong": 500,
-    "/bug": 500,
-    "/file": 500,
+except ValidationError as error:
+    UNLIKE = error
+ERRORS: dict[str, tuple[int, Exception]] = {
+    "/problem": (423, Problem(423, "wait", {"Retry-After": "1"})),
+    "/input": (422, InputError("audio.flac: is cut off; copy the file again")),
+    "/full": (507, OSError(errno.ENOSPC, "No space left on device")),
+    "/quota": (507, OSError(errno.EDQUOT, "Disk quota exceeded")),
+    "/full-database": (507, OperationalError("", {}, Exception("database or disk is full"))),
+    "/away": (503, OperationalError("", {}, Exception("server closed the connection"))),
+    "/waited": (503, PoolTimeout("QueuePool limit")),
+    "/locked": (503, OperationalError("", {}, Exception("database is locked"))),
+    "/damaged": (503, DatabaseError("", {}, Exception("database disk image is malformed"))),
+    "/unlike": (503, UNLIKE),
+    "/wrong": (500, IntegrityError("", {}, Exception("secret: NOT NULL constraint failed"))),
+    "/bug": (500, ZeroDivisionError("secret")),
+    "/file": (500, FileNotFoundError(2, "No such file", "/secret")),
 }
 
 
@@ -70,13 +56,13 @@ def client() -> Iterator[TestClient]:
 
 def raising(path: str) -> object:
     def route() -> None:
-        raise ERRORS[path]
+        raise ERRORS[path][1]
 
     return route
 
 
 def test_every_error_is_a_problem(client: TestClient) -> None:
-    for path, status in STATUSES.items():
+    for path, (status, _) in ERRORS.items():
         answer = client.get(path)
         told = answer.json()
         assert (answer.status_code, told["status"]) == (status, status), path
@@ -84,7 +70,7 @@ def test_every_error_is_a_problem(client: TestClient) -> None:
         assert told["title"]
         assert "\n" not in told["detail"]
         assert "secret" not in answer.text
-    assert client.get("/input").json()["detail"] == str(ERRORS["/input"])
+    assert client.get("/input").json()["detail"] == str(ERRORS["/input"][1])
     assert client.get("/problem").headers["retry-after"] == "1"
 
 

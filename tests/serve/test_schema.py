@@ -16,7 +16,8 @@ from hypothesis.errors import Unsatisfiable
 from schemathesis.checks import CHECKS, load_all_checks
 from schemathesis.generation import GenerationMode
 
-from elfslam.base.values import FloorMap
+from tests.serve.conftest import Maps
+from tests.serve.planting import plant_floor_map
 
 Start = Callable[..., Any]
 EXAMPLES = 2
@@ -70,11 +71,9 @@ def files_around(folder: Path) -> set[Path]:
 
 
 @pytest.mark.real
-def test_the_description_keeps_its_word(
-    start_server: Start, plant: Start, maps: tuple[FloorMap, FloorMap]
-) -> None:
+def test_the_description_keeps_its_word(start_server: Start, maps: Maps) -> None:
     server = start_server(**OFTEN)
-    package = f"/api/maps/{plant(server.data).put(maps[0])}/package"
+    package = f"/api/maps/{plant_floor_map(server.data, maps[0])}/package"
     around = files_around(server.data)
     schema = schemathesis.openapi.from_url(f"{server.url}openapi.json")
     tried = 0

@@ -21,7 +21,6 @@ from elfslam.serve.settings import ServerSettings
 
 RADIOS = 0x0433_8900_0000 + 0x100 * np.arange(12)
 MakeFloor = Callable[..., NewFloor]
-HeardOn = Callable[..., dict[str, float]]
 
 
 @pytest.fixture(scope="session")
@@ -96,12 +95,7 @@ def new_floor(maps: tuple[FloorMap, FloorMap]) -> MakeFloor:
     return made
 
 
-@pytest.fixture
-def heard_on() -> HeardOn:
+def heard_on(level: int, deaf_db: float = 0.0) -> dict[str, float]:
     """What a phone on a floor of `new_floor` hears, as it is sent."""
-
-    def heard(level: int, deaf_db: float = 0.0) -> dict[str, float]:
-        levels = np.roll(np.linspace(-45.0, -85.0, 12), 5 * level) - deaf_db
-        return dict(zip(map(bssid_text, RADIOS.tolist()), levels.tolist(), strict=True))
-
-    return heard
+    levels = np.roll(np.linspace(-45.0, -85.0, 12), 5 * level) - deaf_db
+    return dict(zip(map(bssid_text, RADIOS.tolist()), levels.tolist(), strict=True))

@@ -20,9 +20,11 @@ from elfslam.serve.store.database import reading
 from elfslam.serve.store.tables import Floor, Map, User
 from elfslam.serve.store.tables import Recording as RecordingRow
 from elfslam.stages.feature import OnnxEncoder, load_encoder
+from tests.serve.conftest import Maps
 from tests.serve.planting import plant_files
 
 Elfslam = Callable[..., tuple[int, str]]
+MALL = ("--building", "Mall", "--at", "47.1,8.2")
 BSSIDS = tuple(f"04:33:89:79:{k:02x}:10" for k in range(8))
 
 
@@ -41,7 +43,7 @@ def elfslam(services: Services, capsys: pytest.CaptureFixture[str]) -> Elfslam:
 
 
 @pytest.fixture
-def map_folder(maps: tuple[FloorMap, FloorMap], tmp_path: Path) -> Path:
+def map_folder(maps: Maps, tmp_path: Path) -> Path:
     """The folder of a map, with the shipped encoder."""
     folder, shipped = tmp_path / "run", load_encoder("compact")
     assert isinstance(shipped, OnnxEncoder)
@@ -62,6 +64,13 @@ def walk_folder(tmp_path: Path) -> Path:
     return tmp_path / "walk"
 
 
+def echoes_of(floor_map: FloorMap) -> dict[str, object]:
+    """What a phone tells of four spots of a map."""
+    vectors = floor_map.payloads[0].vectors[5:9]
+    unit = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    return {"encoder": load_encoder("compact").identity, "vectors": unit.tolist()}
+
+
 def heard() -> dict[str, float]:
     return dict(zip(BSSIDS, np.linspace(-52, -82, 8).tolist(), strict=True))
 
@@ -71,12 +80,9 @@ def test_a_floor_from_its_folder(
     guest: TestClient,
     map_folder: Path,
     walk_folder: Path,
-    maps: tuple[FloorMap, FloorMap],
+    maps: Maps,
 ) -> None:
-    code, out = elfslam(
-        "publish", map_folder, "--building", "Mall", "--floor", -1, "--at", "47.1,8.2",
-        "--heard", walk_folder,
-    )  # fmt: skip
+    code, out = elfslam("publish", map_folder, *MALL, "--floor", -1, "--heard", walk_folder)
     assert code == 0
     assert "8 access points" in out
     told = guest.post("/api/find", json={"wifi": heard()}).json()
@@ -87,11 +93,8 @@ def test_a_floor_from_its_folder(
     assert "Mall" in out
     assert f"indexed {len(maps[0].xy_m)} spots of 1 floors" in out
     assert "swept 0 files" in out
-    vectors = maps[0].payloads[0].vectors[5:9]
-    unit = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-    echoes = {"encoder": load_encoder("compact").identity, "vectors": unit.tolist()}
-    told = guest.post("/api/find", json={"echoes": echoes}).json()
-    assert told["status"] == "OK"
+    echoes = echoes_of(maps[0])
+    assert guest.post("/api/find", json={"echoes": echoes}).json()["status"] == "OK"
     other = {**echoes, "encoder": "another"}
     assert guest.post("/api/find", json={"echoes": other}).json()["status"] == "UNKNOWN_PLACE"
     assert elfslam("withdraw", "--building", "Mall", "--floor", -1)[0] == 0
@@ -102,10 +105,7 @@ def test_a_floor_from_its_folder(
 
 def by_echoes(client: TestClient, floor_map: FloorMap) -> list[tuple[str, int]]:
     """The floors that somebody is told who hears four spots of a map, if it is sure."""
-    vectors = floor_map.payloads[0].vectors[5:9]
-    unit = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-    echoes = {"encoder": load_encoder("compact").identity, "vectors": unit.tolist()}
-    told = client.post("/api/find", json={"echoes": echoes}).json()
+    told = client.post("/api/find", json={"echoes": echoes_of(floor_map)}).json()
     known = [(each["building"], each["floor"]) for each in told["candidates"]]
     return known[:1] if told["status"] == "OK" else []
 
@@ -115,30 +115,29 @@ def test_once_there_is_an_index_floors_come_into_it_as_they_are_published(
     elfslam: Elfslam,
     guest: TestClient,
     map_folder: Path,
-    maps: tuple[FloorMap, FloorMap],
+    maps: Maps,
     monkeypatch: pytest.MonkeyPatch,
     most_added: int,
 ) -> None:
     indexes = importlib.import_module("elfslam.serve.buildings.files")  # as the command finds it
     monkeypatch.setattr(indexes, "MOST_ADDED", most_added)
-    place = ("--building", "Mall", "--at", "47.1,8.2")
     vectors = np.random.default_rng(9).normal(0, 0.09, (len(maps[0].xy_m), 128))
     elf = replace(maps[0].payloads[0], vectors=vectors.astype(np.float32))
     upstairs = replace(maps[0], payloads=(elf,))
-    code, out = elfslam("publish", map_folder, *place, "--floor", 0)
+    code, out = elfslam("publish", map_folder, *MALL, "--floor", 0)
     assert "by its echoes" not in out
     assert by_echoes(guest, maps[0]) == []
     assert elfslam("buildings", "--index")[0] == 0
     assert by_echoes(guest, maps[0]) == [("Mall", 0)]
     write_map(upstairs, map_folder / MAP)
-    code, out = elfslam("publish", map_folder, *place, "--floor", 1)
+    code, out = elfslam("publish", map_folder, *MALL, "--floor", 1)
     assert code == 0
     assert "found by its echoes" in out
     assert by_echoes(guest, maps[0]) == [("Mall", 0)]
     assert by_echoes(guest, upstairs) == [("Mall", 1)]
     assert elfslam("withdraw", "--building", "Mall", "--floor", 1)[0] == 0
     assert by_echoes(guest, upstairs) == []
-    elfslam("publish", map_folder, *place, "--floor", 0)
+    elfslam("publish", map_folder, *MALL, "--floor", 0)
     assert by_echoes(guest, upstairs) == [("Mall", 0)]
     assert by_echoes(guest, maps[0]) == []
 
@@ -152,7 +151,7 @@ def test_a_floor_from_a_map_of_the_server(
     walk_id = plant_files(services, RecordingRow(user_id=mine.id, name="walk"), walk_folder)
     made = Map(user_id=mine.id, name="Hall", kind="run", sources=[walk_id])
     plant_files(services, made, map_folder)
-    code, out = elfslam("publish", made.id, "--building", "Mall", "--floor", 0, "--at", "47.1,8.2")
+    code, out = elfslam("publish", made.id, *MALL, "--floor", 0)
     assert code == 0
     assert "8 access points" in out
     owner.delete(f"/api/maps/{made.id}").raise_for_status()
@@ -185,10 +184,10 @@ def test_refusals_in_one_line(elfslam: Elfslam, map_folder: Path, tmp_path: Path
 
 
 def test_an_encoder_of_its_own_is_not_indexed(
-    elfslam: Elfslam, map_folder: Path, maps: tuple[FloorMap, FloorMap]
+    elfslam: Elfslam, map_folder: Path, maps: Maps
 ) -> None:
     elf = replace(maps[0].payloads[0], encoder="f" * 16)
     write_map(replace(maps[0], payloads=(elf,)), map_folder / MAP)
-    code, err = elfslam("publish", map_folder, "--building", "Mall", "--floor", 0, "--at", "47,8")
+    code, err = elfslam("publish", map_folder, *MALL, "--floor", 0)
     assert code == 2
     assert "lies beside it" in err

@@ -2,34 +2,28 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
-import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy.testing as npt
 import pytest
-from cryptography.hazmat.primitives import hashes, serialization
-from cryptography.hazmat.primitives.asymmetric import ec
-from cryptography.hazmat.primitives.asymmetric.utils import encode_dss_signature
 from sqlalchemy import select
 from starlette.testclient import TestClient
 
 from elfslam.base.errors import InputError, StoreError
-from elfslam.base.values import FloorMap
 from elfslam.serve.buildings import files as store
 from elfslam.serve.buildings import publishing
 from elfslam.serve.buildings.files import open_files
-from elfslam.serve.buildings.publishing import NewFloor, publish, sweep, withdraw
+from elfslam.serve.buildings.publishing import publish, sweep, withdraw
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.database import reading
 from elfslam.serve.store.tables import Building, Floor, FloorPart, FloorPoint
 from tests.data.phone_maps import map_of_parts
+from tests.serve.buildings.conftest import MakeFloor
+from tests.serve.conftest import DATABASES, Maps
+from tests.serve.packages import manifest, part
 
-MakeFloor = Callable[..., NewFloor]
 STORES = pytest.mark.parametrize(
     ("database_url", "files_url"),
     [
@@ -41,7 +35,6 @@ STORES = pytest.mark.parametrize(
     ],
     indirect=True,
 )
-BOTH = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
 
 
 def kept(services: Services) -> set[str]:
@@ -55,34 +48,20 @@ def count(services: Services, table: type) -> int:
 
 @STORES
 def test_a_phone_fetches_a_published_floor_as_a_map_of_its_own(
-    guest: TestClient, services: Services, new_floor: MakeFloor, maps: tuple[FloorMap, FloorMap]
+    guest: TestClient, services: Services, new_floor: MakeFloor, maps: Maps
 ) -> None:
     made = publish(services, new_floor("Mall", 2))
-    told = guest.get(f"/api/maps/{made.map_id}/package").raise_for_status().json()
-    key = guest.get("/api/key").json()
-    public = serialization.load_der_public_key(base64.b64decode(key["spki"]))
-    assert isinstance(public, ec.EllipticCurvePublicKey)
-    halves = base64.b64decode(told["signature"])
-    signature = encode_dss_signature(*(int.from_bytes(half) for half in (halves[:32], halves[32:])))
-    public.verify(signature, told["manifest"].encode(), ec.ECDSA(hashes.SHA256()))
-    manifest = json.loads(told["manifest"])
-    assert (manifest["map"], manifest["name"]) == (made.map_id, "Mall, floor 2")
-    assert manifest["revision"] == made.revision
-
-    def part(one: dict[str, str]) -> bytes:
-        place = f"/api/maps/{made.map_id}/package/{one['sha256']}"
-        content = guest.get(place).raise_for_status().content
-        assert hashlib.sha256(content).hexdigest() == one["sha256"]
-        return content
-
+    told = manifest(guest, made.map_id)
+    assert (told["map"], told["name"]) == (made.map_id, "Mall, floor 2")
+    assert told["revision"] == made.revision
     read = map_of_parts(
-        [part(tile) for tile in manifest["tiles"]],
-        [(each["walk"], part(each)) for each in manifest["features"]],
-        encoder=manifest["encoder"]["identity"],
+        [part(guest, made.map_id, tile) for tile in told["tiles"]],
+        [(each["walk"], part(guest, made.map_id, each)) for each in told["features"]],
+        encoder=told["encoder"]["identity"],
         sources=("walk",),
     )
     npt.assert_allclose(sorted(read.xy_m[:, 0]), sorted(maps[0].xy_m[:, 0]), atol=1e-5)
-    part(manifest["encoder"])
+    part(guest, made.map_id, told["encoder"])
     assert guest.get(f"/api/maps/{made.map_id}/package/{'0' * 64}").status_code == 404
 
 
@@ -159,7 +138,7 @@ def test_half_a_part_is_written_again(services: Services, new_floor: MakeFloor) 
     assert [path for path in torn.parent.iterdir() if path.name.endswith(".partial")] == []
 
 
-@BOTH
+@DATABASES
 def test_sweeping_waits_for_publishers(services: Services) -> None:
     """Two share; who wants to be alone has to wait until both have gone."""
     import threading

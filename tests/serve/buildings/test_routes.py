@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 
 import pytest
 from sqlalchemy import event
 from starlette.testclient import TestClient
 
-from elfslam.serve.buildings.publishing import NewFloor, publish, withdraw
+from elfslam.serve.buildings.publishing import publish, withdraw
 from elfslam.serve.services import Services
+from tests.serve.buildings.conftest import MakeFloor, heard_on
+from tests.serve.conftest import DATABASES
 
-pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
-MakeFloor = Callable[..., NewFloor]
-HeardOn = Callable[..., dict[str, float]]
+pytestmark = DATABASES
+Town = dict[tuple[str, int], str]
 
 
 @pytest.fixture
-def town(services: Services, new_floor: MakeFloor) -> dict[tuple[str, int], str]:
+def town(services: Services, new_floor: MakeFloor) -> Town:
     """Two floors of a mall, an office a kilometre away, and a kiosk where nobody scanned."""
     ids = {}
     for building, level, changes in (
@@ -44,9 +44,7 @@ def position(latitude_deg: float, longitude_deg: float, sigma_m: float) -> dict[
 
 
 @pytest.mark.parametrize("deaf_db", [0.0, 8.0])
-def test_wifi_tells_the_floor(
-    heard_on: HeardOn, guest: TestClient, town: dict[tuple[str, int], str], deaf_db: float
-) -> None:
+def test_wifi_tells_the_floor(guest: TestClient, town: Town, deaf_db: float) -> None:
     for level in (0, 1):
         status, found = ask(guest, wifi=heard_on(level, deaf_db))
         assert (status, found[0]) == ("OK", ("Mall", level))
@@ -55,7 +53,7 @@ def test_wifi_tells_the_floor(
     assert guest.get(f"/api/maps/{told['map']}/package").status_code == 200
 
 
-def test_a_position_tells_the_building(guest: TestClient, town: dict[tuple[str, int], str]) -> None:
+def test_a_position_tells_the_building(guest: TestClient, town: Town) -> None:
     assert ask(guest, position=position(47.01, 8.0, 15.0)) == ("OK", [("Office", 0)])
     status, found = ask(guest, position=position(47.0, 8.0, 15.0))
     assert (status, set(found)) == ("AMBIGUOUS", {("Mall", 0), ("Mall", 1)})
@@ -64,9 +62,7 @@ def test_a_position_tells_the_building(guest: TestClient, town: dict[tuple[str, 
     assert beyond == ("OK", [("Kiosk", 0)])
 
 
-def test_senses_add_up(
-    heard_on: HeardOn, guest: TestClient, town: dict[tuple[str, int], str]
-) -> None:
+def test_senses_add_up(guest: TestClient, town: Town) -> None:
     here = position(47.0, 8.0, 50.0)
     status, found = ask(guest, wifi=heard_on(1, 5.0), position=here)
     assert (status, found[0]) == ("OK", ("Mall", 1))
@@ -75,11 +71,7 @@ def test_senses_add_up(
 
 
 def test_what_is_withdrawn_or_moved_is_not_found(
-    heard_on: HeardOn,
-    guest: TestClient,
-    services: Services,
-    new_floor: MakeFloor,
-    town: dict[tuple[str, int], str],
+    guest: TestClient, services: Services, new_floor: MakeFloor, town: Town
 ) -> None:
     publish(services, new_floor("Mall", 1, loud=0))
     assert ask(guest, wifi=heard_on(0))[0] == "AMBIGUOUS"
@@ -91,7 +83,7 @@ def test_what_is_withdrawn_or_moved_is_not_found(
 
 
 def test_a_lookup_is_two_queries_without_a_scan(
-    heard_on: HeardOn, guest: TestClient, services: Services, town: dict[tuple[str, int], str]
+    guest: TestClient, services: Services, town: Town
 ) -> None:
     said: list[str] = []
 
@@ -108,7 +100,7 @@ def test_a_lookup_is_two_queries_without_a_scan(
 
 
 def test_nothing_is_kept_of_what_a_phone_tells(
-    heard_on: HeardOn, guest: TestClient, services: Services, town: dict[tuple[str, int], str]
+    guest: TestClient, services: Services, town: Town
 ) -> None:
     writes: list[str] = []
 
@@ -121,7 +113,7 @@ def test_nothing_is_kept_of_what_a_phone_tells(
     assert writes == []
 
 
-def test_questions_that_are_none(heard_on: HeardOn, anyone: TestClient, guest: TestClient) -> None:
+def test_questions_that_are_none(anyone: TestClient, guest: TestClient) -> None:
     assert anyone.post("/api/find", json={"wifi": heard_on(0)}).status_code == 401
     for wrong in (
         {},

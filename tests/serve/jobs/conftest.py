@@ -5,29 +5,25 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
-from starlette.testclient import TestClient
 
 from elfslam.app.map import write_reported_run
 from elfslam.app.merge import merge_into
 from elfslam.data.recordings import read_recording, write_recording
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
-from elfslam.serve.store.tables import Map, Recording, RecordingState
+from elfslam.serve.store.tables import Map
 from elfslam.slam.merging import MergeParameters
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.stages.chirp import describe_chirp
 from elfslam.stages.feature import load_encoder
 from elfslam.world.simulate import load_world, simulate
+from tests.serve.conftest import Somebody
 from tests.serve.planting import plant_files
-from tests.waiting import until
 
-Json = dict[str, Any]
-Remember = Callable[[TestClient, str], str]
-Wait = Callable[[TestClient, str], Json]
+Keep = Callable[[Somebody, str], str]
 WALKS = {
     "one": ("studio", 107, 2, True),
     "two": ("studio", 111, 2, True),
@@ -36,14 +32,6 @@ WALKS = {
     "away": ("hall", 100, 1, True),
 }
 """World, seed and rounds of each walk, and whether it has sound; `open` closes no loop."""
-PATIENCE_S = 300.0
-
-
-def start(client: TestClient, **given: object) -> str:
-    """A job that a client asks for; its id."""
-    answer = client.post("/api/jobs", json=given)
-    assert answer.status_code == 202, answer.text
-    return str(answer.json()["id"])
 
 
 @pytest.fixture
@@ -65,31 +53,17 @@ def walks(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def remember(services: Services, walks: Path) -> Remember:
-    """Puts a walk among the recordings of a client's user, as if it had been uploaded."""
-
-    def remembered(client: TestClient, name: str) -> str:
-        user_id = client.get("/api/me").json()["id"]
-        row = Recording(user_id=user_id, name=name, state=RecordingState.READY)
-        return plant_files(services, row, walks / name)
-
-    return remembered
+def owner(owner: Somebody, walks: Path) -> Somebody:
+    """The owner, who has been on these walks."""
+    owner.walks = walks
+    return owner
 
 
 @pytest.fixture
-def ended() -> Wait:
-    """A job that has ended, waited for."""
-
-    def wait(client: TestClient, job_id: str) -> Json:
-        def job_that_ended() -> Json | None:
-            job: Json = client.get(f"/api/jobs/{job_id}").json()
-            return None if job["state"] in ("queued", "running") else job
-
-        job = until(job_that_ended, "the end of the job", patience_s=PATIENCE_S)
-        assert job is not None
-        return job
-
-    return wait
+def guest(guest: Somebody, walks: Path) -> Somebody:
+    """Somebody else who has."""
+    guest.walks = walks
+    return guest
 
 
 @pytest.fixture(scope="session")
@@ -114,12 +88,18 @@ def runs(walks: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def keep_map(services: Services, runs: Path) -> Remember:
+def keep_map(services: Services, runs: Path) -> Keep:
     """Puts a run, or the floor, among the maps of a client's user, without a job."""
 
-    def kept(client: TestClient, name: str) -> str:
-        user_id, kind = client.get("/api/me").json()["id"], "floor" if name == "floor" else "run"
+    def kept(client: Somebody, name: str) -> str:
+        user_id, kind = client.id, "floor" if name == "floor" else "run"
         row = Map(user_id=user_id, name=name, kind=kind, facts={"walks": 1})
         return plant_files(services, row, runs / name)
 
     return kept
+
+
+@pytest.fixture
+def one(owner: Somebody, keep_map: Keep) -> str:
+    """The map of a walk, among the owner's."""
+    return keep_map(owner, "one")

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -88,6 +88,13 @@ def workers_of(where: str) -> list[int]:
     return found
 
 
+def last_of(events: Iterable[Progress | Result]) -> Result:
+    """What comes of work, when it has ended."""
+    *_, last = events
+    assert isinstance(last, Result)
+    return last
+
+
 def scratch() -> str:
     return str(Path(tempfile.gettempdir()) / SCRATCH)
 
@@ -128,18 +135,15 @@ def test_a_killed_process_is_noticed_and_the_next_job_is_done(
         for process in workers_of(str(tmp_path)) or workers_of(scratch()):
             if process not in (os.getpid(), os.getppid()):
                 os.kill(process, signal.SIGKILL)
-        last = list(events)[-1]
-    assert isinstance(last, Result)
+        last = last_of(events)
     assert last.died
     assert "it was killed" in str(last.problem)
-    done = list(place.work(laid("mute"), LONG_S, lock))[-1]
-    assert isinstance(done, Result)
+    done = last_of(place.work(laid("mute"), LONG_S, lock))
     assert (done.problem, done.died) == (None, False)
 
 
 def test_what_takes_too_long_is_stopped(place: Executor, laid: Laid, lock: int) -> None:
-    last = list(place.work(laid("one"), 0.01, lock))[-1]
-    assert isinstance(last, Result)
+    last = last_of(place.work(laid("one"), 0.01, lock))
     assert "took longer than" in str(last.problem)
     assert not last.died
 
@@ -155,8 +159,7 @@ def test_a_killed_node_process_is_noticed(place: Executor, laid: Laid, lock: int
         with pytest.raises(WorkerDiedError, match="do it again"):
             list(events)
     until(lambda: not workers_of(scratch()), "the end of who works")
-    done = list(place.work(laid("mute"), LONG_S, lock))[-1]
-    assert isinstance(done, Result)
+    done = last_of(place.work(laid("mute"), LONG_S, lock))
     assert done.problem is None
     assert not list(Path(tempfile.gettempdir()).glob(f"{SCRATCH}*"))
 

@@ -2,26 +2,14 @@
 
 from __future__ import annotations
 
-import base64
 import hashlib
-import io
-import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy.testing as npt
 import pytest
-from cryptography.exceptions import InvalidSignature
-from cryptography.hazmat.primitives import hashes, serialization
-from cryptography.hazmat.primitives.asymmetric import ec
-from cryptography.hazmat.primitives.asymmetric.utils import encode_dss_signature
-from PIL import Image
-from starlette.testclient import TestClient
 
 from elfslam.base.parameters import as_dict
-from elfslam.base.values import FloorMap
 from elfslam.data.map_files import read_map
 from elfslam.data.tiles import stretches_of, tiles_of
 from elfslam.serve.services import Services
@@ -29,41 +17,14 @@ from elfslam.serve.store.database import transaction
 from elfslam.serve.store.tables import Map, MapFile, MapPart, new_id
 from elfslam.slam.parameters import Parameters
 from tests.data.phone_maps import map_of_parts
-
-Json = dict[str, Any]
-Keep = Callable[[TestClient, str], str]
-
-
-def manifest(client: TestClient, map_id: str) -> Json:
-    """What the server tells of a map, its signature checked."""
-    told = client.get(f"/api/maps/{map_id}/package").raise_for_status().json()
-    key = client.get("/api/key").json()
-    spki = base64.b64decode(key["spki"])
-    assert base64.urlsafe_b64decode(key["key"] + "=") == hashlib.sha256(spki).digest()
-    check(spki, told["manifest"], told["signature"])
-    with pytest.raises(InvalidSignature):
-        check(spki, told["manifest"].replace('"format":3', '"format":4'), told["signature"])
-    read: Json = json.loads(told["manifest"])
-    return read
-
-
-def check(spki: bytes, text: str, signature: str) -> None:
-    public, halves = serialization.load_der_public_key(spki), base64.b64decode(signature)
-    assert isinstance(public, ec.EllipticCurvePublicKey)
-    numbers = (int.from_bytes(half, "big") for half in (halves[:32], halves[32:]))
-    public.verify(encode_dss_signature(*numbers), text.encode(), ec.ECDSA(hashes.SHA256()))
-
-
-def part(client: TestClient, map_id: str, told: Json) -> bytes:
-    """A part, as it is told."""
-    content = client.get(f"/api/maps/{map_id}/package/{told['sha256']}").raise_for_status().content
-    assert len(content) == told["size_bytes"]
-    assert hashlib.sha256(content).hexdigest() == told["sha256"]
-    return content
+from tests.serve.conftest import Maps, Somebody
+from tests.serve.jobs.conftest import Keep
+from tests.serve.packages import manifest, part
+from tests.serve.planting import picture, plant_floor_map, put_plan
 
 
 @pytest.mark.parametrize("name", ["one", "floor"])
-def test_a_package_is_the_map(owner: TestClient, keep_map: Keep, runs: Path, name: str) -> None:
+def test_a_package_is_the_map(owner: Somebody, keep_map: Keep, runs: Path, name: str) -> None:
     map_id, floor_map = keep_map(owner, name), read_map(runs / name)
     told = manifest(owner, map_id)
     assert (told["format"], told["map"], told["name"]) == (3, map_id, name)
@@ -82,89 +43,71 @@ def test_a_package_is_the_map(owner: TestClient, keep_map: Keep, runs: Path, nam
         assert told["parameters"][group] == known[group]
 
 
-def test_a_map_brings_its_own_encoder(
-    owner: TestClient, plant: Callable[[Path], Any], maps: tuple[FloorMap, FloorMap], tmp_path: Path
-) -> None:
+def test_a_map_brings_its_own_encoder(owner: Somebody, maps: Maps) -> None:
     """As one of superimposed spots does."""
     content = b"an encoder that learnt this floor"
     elf = replace(maps[0].payloads[0], encoder=hashlib.sha256(content).hexdigest()[:16])
     floor_map = replace(maps[0], payloads=(elf,))
-    map_id = plant(tmp_path / "data").put(floor_map, encoder=content)
+    map_id = plant_floor_map(owner.services.settings.data_folder, floor_map, encoder=content)
     told = manifest(owner, map_id)
     assert told["encoder"]["identity"] == elf.encoder
     assert part(owner, map_id, told["encoder"]) == content
 
 
-def test_it_is_made_once_and_grows_with_what_changes(owner: TestClient, keep_map: Keep) -> None:
-    map_id = keep_map(owner, "one")
-    first = manifest(owner, map_id)
-    assert manifest(owner, map_id) == first
-    plan = io.BytesIO()
-    Image.new("RGB", (40, 30), "white").save(plan, "PNG")
-    base, headers = f"/api/maps/{map_id}/floor-plan", {"Content-Type": "image/png"}
-    owner.put(base, content=plan.getvalue(), headers=headers).raise_for_status()
-    second = manifest(owner, map_id)
+def test_it_is_made_once_and_grows_with_what_changes(owner: Somebody, one: str) -> None:
+    first = manifest(owner, one)
+    assert manifest(owner, one) == first
+    put_plan(owner, one, picture()).raise_for_status()
+    second = manifest(owner, one)
     assert second["revision"] > first["revision"]
     assert second["tiles"] == first["tiles"]
-    assert part(owner, map_id, second["floor_plan"]) == plan.getvalue()
+    assert part(owner, one, second["floor_plan"]) == picture()
     assert second["floor_plan"]["placement"] is None
     place = {"width_m": 9.0, "x_m": 1.0, "y_m": 2.0}
-    owner.put(f"{base}/placement", json=place).raise_for_status()
-    third = manifest(owner, map_id)
+    owner.put(f"/api/maps/{one}/floor-plan/placement", json=place).raise_for_status()
+    third = manifest(owner, one)
     assert third["revision"] > second["revision"]
     assert third["floor_plan"]["placement"]["width_m"] == 9.0
 
 
-def test_it_is_nobody_elses(
-    owner: TestClient, guest: TestClient, anyone: TestClient, keep_map: Keep
+def test_a_part_is_given_with_its_own_map_alone(
+    owner: Somebody, guest: Somebody, anyone: Somebody, keep_map: Keep, one: str
 ) -> None:
-    map_id = keep_map(owner, "one")
-    told = manifest(owner, map_id)["tiles"][0]
-    addresses = [f"/api/maps/{map_id}/package", f"/api/maps/{map_id}/package/{told['sha256']}"]
-    for address in addresses:
-        assert guest.get(address).status_code == 404
-        assert anyone.get(address).status_code == 401
+    told = manifest(owner, one)["tiles"][0]
     assert anyone.get("/api/key").status_code == 200, "it is no secret"
     mine = keep_map(guest, "two")
     manifest(guest, mine)
     assert guest.get(f"/api/maps/{mine}/package/{told['sha256']}").status_code == 404
 
 
-def test_only_parts_of_the_package_are_given(
-    owner: TestClient, keep_map: Keep, services: Services
-) -> None:
-    map_id = keep_map(owner, "one")
-    manifest(owner, map_id)
+def test_only_parts_of_the_package_are_given(owner: Somebody, one: str) -> None:
+    manifest(owner, one)
     report = next(
-        file for file in owner.get(f"/api/maps/{map_id}").json()["files"]
+        file for file in owner.get(f"/api/maps/{one}").json()["files"]
         if file["name"] == "report.html"
     )  # fmt: skip
     for name in (report["sha256"], "0" * 64, "map.npz"):
-        assert owner.get(f"/api/maps/{map_id}/package/{name}").status_code == 404
-    answer = owner.get(f"/api/maps/{map_id}/package")
+        assert owner.get(f"/api/maps/{one}/package/{name}").status_code == 404
+    answer = owner.get(f"/api/maps/{one}/package")
     assert answer.headers["cache-control"] == "no-store"
 
 
-def test_a_map_that_phones_cannot_use_is_refused(
-    owner: TestClient, keep_map: Keep, services: Services
-) -> None:
+def test_a_map_that_phones_cannot_use_is_refused(owner: Somebody, keep_map: Keep) -> None:
     for missing in ("map.npz", "encoder.onnx"):
         map_id = keep_map(owner, "one")
-        with transaction(services.sessions) as session:
+        with transaction(owner.services.sessions) as session:
             session.delete(session.get_one(MapFile, (map_id, missing)))
         answer = owner.get(f"/api/maps/{map_id}/package")
         assert answer.status_code == 422
         assert f"has no {missing}" in answer.json()["detail"]
     map_id = keep_map(owner, "one")
-    with transaction(services.sessions) as session:
+    with transaction(owner.services.sessions) as session:
         row = session.get_one(MapFile, (map_id, "encoder.onnx"))
         row.sha256 = session.get_one(MapFile, (map_id, "run.json")).sha256
     assert "lies beside it" in owner.get(f"/api/maps/{map_id}/package").json()["detail"]
 
 
-def test_a_deleted_map_leaves_nothing(
-    owner: TestClient, keep_map: Keep, services: Services
-) -> None:
+def test_a_deleted_map_leaves_nothing(owner: Somebody, keep_map: Keep, services: Services) -> None:
     before = sorted(file.name for file in services.settings.blobs_folder.glob("*/*"))
     used = owner.get("/api/me").json()["used_bytes"]
     map_id = keep_map(owner, "one")
@@ -178,25 +121,22 @@ def test_a_deleted_map_leaves_nothing(
     assert owner.get("/api/me").json()["used_bytes"] == used
 
 
-def test_tiles_that_went_are_dropped(
-    owner: TestClient, keep_map: Keep, services: Services, runs: Path
-) -> None:
+def test_tiles_that_went_are_dropped(owner: Somebody, keep_map: Keep, one: str) -> None:
     """A map of that id whose content was replaced."""
-    map_id = keep_map(owner, "one")
-    first = manifest(owner, map_id)
+    first = manifest(owner, one)
     two = keep_map(owner, "two")
-    with transaction(services.sessions) as session:
+    with transaction(owner.services.sessions) as session:
         for name in ("map.npz", "encoder.onnx"):
             given = session.get_one(MapFile, (two, name))
-            row = session.get_one(MapFile, (map_id, name))
+            row = session.get_one(MapFile, (one, name))
             row.sha256, row.size_bytes = given.sha256, given.size_bytes
-    second = manifest(owner, map_id)
+    second = manifest(owner, one)
     assert second["revision"] > first["revision"]
     gone = first["tiles"][0]["sha256"]
-    assert owner.get(f"/api/maps/{map_id}/package/{gone}").status_code == 404
-    assert not (services.settings.blobs_folder / gone[:2] / gone).exists()
-    with transaction(services.sessions) as session:
-        assert session.query(MapPart).filter_by(map_id=map_id).count() == len(
+    assert owner.get(f"/api/maps/{one}/package/{gone}").status_code == 404
+    assert not (owner.services.settings.blobs_folder / gone[:2] / gone).exists()
+    with transaction(owner.services.sessions) as session:
+        assert session.query(MapPart).filter_by(map_id=one).count() == len(
             [*second["tiles"], *second["features"]]
         )
         assert session.get(Map, new_id()) is None

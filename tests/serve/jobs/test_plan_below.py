@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import io
 import json
 import shutil
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
-from starlette.testclient import TestClient
 
 from elfslam.base.geometry import compose
 from elfslam.base.values import Checkpoints
@@ -23,16 +18,14 @@ from elfslam.scoring.truth import read_truth
 from elfslam.serve.jobs.tasks import frame_of
 from elfslam.serve.receiving.reader import find
 from elfslam.serve.services import Services
-from elfslam.serve.store.database import reading, transaction
-from elfslam.serve.store.tables import Map, Recording, RecordingState
+from elfslam.serve.store.database import reading
+from elfslam.serve.store.tables import Map
 from elfslam.stages.chirp import describe_chirp
-from tests.serve.jobs.conftest import start
-from tests.serve.planting import plant_files
+from tests.serve.conftest import Json, Somebody
+from tests.serve.planting import picture, put_plan
 
 pytestmark = pytest.mark.real
 
-Json = dict[str, Any]
-Wait = Callable[[TestClient, str], Json]
 PLAN_FROM_WORLD = np.array([40.0, 7.0, -1.2])
 PLACEMENT = {"width_m": 24.0, "x_m": 1.0, "y_m": 2.0, "heading_rad": 0.0, "opacity": 0.5}
 
@@ -56,47 +49,27 @@ def tapped_walk(walk: Path, folder: Path) -> Path:
     return folder
 
 
-def on_plan_of(client: TestClient, map_id: str) -> str:
+def on_plan_of(client: Somebody, map_id: str) -> str:
     """Lay the map on a venue's floor, above a plan; gives the map again."""
-    image = io.BytesIO()
-    Image.new("RGB", (240, 120), "white").save(image, "PNG")
-    address, kind = f"/api/maps/{map_id}/floor-plan", {"Content-Type": "image/png"}
-    client.put(address, content=image.getvalue(), headers=kind).raise_for_status()
-    client.put(f"{address}/placement", json=PLACEMENT).raise_for_status()
+    put_plan(client, map_id, picture("PNG", 240, 120)).raise_for_status()
+    placement = f"/api/maps/{map_id}/floor-plan/placement"
+    client.put(placement, json=PLACEMENT).raise_for_status()
     place = {"venue": "North Mall", "floor": "Ground floor"}
     client.patch(f"/api/maps/{map_id}", json=place).raise_for_status()
     return map_id
 
 
-def mapped(
-    client: TestClient,
-    services: Services,
-    folder: Path,
-    map_id: str,
-    ended: Wait,
-    by: str = "motion",
-) -> tuple[Json, Json]:
+def mapped(client: Somebody, folder: Path, map_id: str, by: str = "motion") -> tuple[Json, Json]:
     """The map that a job makes of a walk that names the map that was tapped on, and its view."""
-    user_id = client.get("/api/me").json()["id"]
-    row = Recording(
-        user_id=user_id, name="Tapped", state=RecordingState.READY, facts={"tapped_on": map_id}
-    )
-    recording = plant_files(services, row, folder)
-    job = ended(client, start(client, kind="map", recording=recording, by=[by]))
+    recording = client.remember("Tapped", folder, facts={"tapped_on": map_id})
+    job = client.done(kind="map", recording=recording, by=[by])
     address = f"/api/maps/{job['gave']['map']}"
     return client.get(address).json(), client.get(f"{address}/view").json()
 
 
-def test_its_map_lies_on_that_plan(
-    owner: TestClient,
-    services: Services,
-    put_map: Callable[..., str],
-    walks: Path,
-    tapped: Path,
-    ended: Wait,
-) -> None:
-    planned = on_plan_of(owner, put_map(owner))
-    made, view = mapped(owner, services, tapped, planned, ended)
+def test_its_map_lies_on_that_plan(owner: Somebody, walks: Path, tapped: Path) -> None:
+    planned = on_plan_of(owner, owner.put_map())
+    made, view = mapped(owner, tapped, planned)
     assert made["facts"]["heading"] == "by taps on a floor plan"
     assert (made["venue"], made["floor"]) == ("North Mall", "Ground floor")
     assert made["floor_plan"]["placement"] == PLACEMENT
@@ -110,19 +83,14 @@ def test_its_map_lies_on_that_plan(
 
 
 def test_maps_on_one_plan_are_merged_there_without_being_compared(
-    owner: TestClient,
-    services: Services,
-    put_map: Callable[..., str],
-    walks: Path,
-    tmp_path: Path,
-    ended: Wait,
+    owner: Somebody, walks: Path, tmp_path: Path
 ) -> None:
-    planned = on_plan_of(owner, put_map(owner))
+    planned = on_plan_of(owner, owner.put_map())
     maps = [
-        mapped(owner, services, tapped_walk(walks / name, tmp_path / name), planned, ended, "elf")
+        mapped(owner, tapped_walk(walks / name, tmp_path / name), planned, "elf")
         for name in ("one", "two")
     ]
-    merged = ended(owner, start(owner, kind="merge", maps=[made["id"] for made, _ in maps]))
+    merged = owner.done(kind="merge", maps=[made["id"] for made, _ in maps])
     made = owner.get(f"/api/maps/{merged['gave']['map']}").json()
     assert (made["facts"]["walks"], made["facts"]["pairs"]) == (2, [])
     assert made["floor_plan"]["placement"] == PLACEMENT
@@ -135,64 +103,42 @@ def test_maps_on_one_plan_are_merged_there_without_being_compared(
     ]
     assert np.linalg.norm(moved_m, axis=1).max() < 0.5
     again = tapped_walk(walks / "one", tmp_path / "again")
-    third, _ = mapped(owner, services, again, planned, ended, "elf")
-    grown = ended(owner, start(owner, kind="merge", maps=[made["id"], third["id"]]))
+    third, _ = mapped(owner, again, planned, "elf")
+    grown = owner.done(kind="merge", maps=[made["id"], third["id"]])
     more = owner.get(f"/api/maps/{grown['gave']['map']}").json()
     assert (more["facts"]["walks"], more["facts"]["pairs"]) == (3, [])
     assert more["facts"]["frame"] == made["facts"]["frame"] == planned
     assert more["floor_plan"]["placement"] == PLACEMENT
 
 
-def test_each_plan_is_aframe_of_its_own(
-    owner: TestClient, services: Services, put_map: Callable[..., str]
-) -> None:
+def tapped_map(client: Somebody, plan: str, heading: str = BY_TAPS) -> str:
+    """A map of a walk that was tapped on that plan."""
+    source = client.remember("mute", facts={"tapped_on": plan})
+    return client.put_map(sources=[source], facts={"heading": heading})
+
+
+def test_each_plan_is_a_frame_of_its_own(owner: Somebody, services: Services) -> None:
     """Walks tapped on one map share its frame; others, and those that were not laid, do not."""
-    user_id = owner.get("/api/me").json()["id"]
-    plans = [put_map(owner), put_map(owner)]
-    rows = [
-        Recording(user_id=user_id, name="Tapped", facts={"tapped_on": plan})
-        for plan in (plans[0], plans[0], plans[1], plans[0])
-    ]
-    with transaction(services.sessions) as session:
-        session.add_all(rows)
-        session.flush()
-        sources = [row.id for row in rows]
-    headings = [BY_TAPS, BY_TAPS, BY_TAPS, "declared"]
-    maps = [
-        put_map(owner, sources=[source], facts={"heading": heading})
-        for source, heading in zip(sources, headings, strict=True)
-    ]
+    plans = [owner.put_map(), owner.put_map()]
+    taps = ((plans[0], BY_TAPS), (plans[0], BY_TAPS), (plans[1], BY_TAPS), (plans[0], "declared"))
+    maps = [tapped_map(owner, plan, heading) for plan, heading in taps]
     with reading(services.sessions) as session:
         frames = [frame_of(session, session.get_one(Map, each)) for each in (*maps, plans[0])]
     assert frames == [plans[0], plans[0], plans[1], maps[3], plans[0]]
 
 
-def test_a_map_tapped_on_a_tapped_map_has_theframe_of_the_first(
-    owner: TestClient, services: Services, put_map: Callable[..., str]
-) -> None:
-    user_id = owner.get("/api/me").json()["id"]
-    first = made = put_map(owner)
-    for _ in range(2):
-        with transaction(services.sessions) as session:
-            row = Recording(user_id=user_id, name="Tapped", facts={"tapped_on": made})
-            session.add(row)
-            session.flush()
-            source = row.id
-        made = put_map(owner, sources=[source], facts={"heading": BY_TAPS})
-    with reading(services.sessions) as session:
+def test_a_map_tapped_on_a_tapped_map_has_the_frame_of_the_first(owner: Somebody) -> None:
+    first = owner.put_map()
+    made = tapped_map(owner, tapped_map(owner, first))
+    with reading(owner.services.sessions) as session:
         assert frame_of(session, session.get_one(Map, made)) == first
 
 
 def test_a_plan_that_is_not_shared_stays_where_it_is(
-    owner: TestClient,
-    guest: TestClient,
-    services: Services,
-    put_map: Callable[..., str],
-    tapped: Path,
-    ended: Wait,
+    owner: Somebody, guest: Somebody, tapped: Path
 ) -> None:
-    planned = on_plan_of(owner, put_map(owner))
-    made, _ = mapped(guest, services, tapped, planned, ended)
+    planned = on_plan_of(owner, owner.put_map())
+    made, _ = mapped(guest, tapped, planned)
     assert made["facts"]["heading"] == "by taps on a floor plan"
     assert (made["venue"], made["floor_plan"]) == (None, None)
 

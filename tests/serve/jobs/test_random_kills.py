@@ -13,7 +13,8 @@ import subprocess
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -24,8 +25,10 @@ import pytest
 
 from elfslam.app.map import MapJob, map_into
 from elfslam.app.settings import Settings
-from studies.benchmarks.served import PIECE, TUS, command, free_port, metadata
-from tests.serve.jobs.test_killed_server import DATED, packed, unpacked
+from elfslam.serve.jobs.work import STAGES
+from studies.benchmarks.served import TUS, Served, command, free_port, start
+from tests.serve.conftest import job_when
+from tests.serve.uploading import append, created, recording_of, unzipped, zipped
 from tests.waiting import until
 
 pytestmark = pytest.mark.real
@@ -40,6 +43,7 @@ STARTING_SHARE, STARTING_S, LONGEST_S = 0.25, 2.5, 4.0
 """Kills while the server starts, and the longest life of one that answered."""
 PATIENCE_S = 600.0
 BUSY = (423, 429, 503)
+DATED = {"run.json", "timings.json", "report.html"}
 OFTEN = {"token_requests_per_s": 1000, "address_requests_per_s": 1000}
 
 
@@ -98,9 +102,9 @@ def sent(walks: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Wal
         run = tmp_path_factory.mktemp("undisturbed") / "run"
         job = MapJob((), None, "compact", Settings(), overwrite=False)
         map_into(run, walks / name, job, lambda what, share: None)
-        content = packed(walks / name)
+        content = zipped(walks / name)
         mapped = {file.name: file.read_bytes() for file in run.iterdir() if file.name not in DATED}
-        made[name] = Walk(content, unpacked(content), mapped)
+        made[name] = Walk(content, unzipped(content), mapped)
     return made
 
 
@@ -171,9 +175,8 @@ def patiently(act: Callable[[], httpx.Response]) -> httpx.Response:
 
 def uploaded(client: httpx.Client, content: bytes, ledger: Ledger) -> str:
     """Send a walk in pieces, from where the server says; the recording that came of it."""
-    told = {**TUS, "Upload-Metadata": metadata(filename="walk.zip")}
-    told["Upload-Length"] = str(len(content))
-    place = patiently(lambda: client.post("/api/uploads", headers=told)).headers["location"]
+    begin = partial(created, client, len(content), filename="walk.zip")
+    place = patiently(begin).headers["location"]
     acknowledged = 0
     while True:
         head = patiently(lambda: client.head(place, headers=TUS))
@@ -188,9 +191,8 @@ def uploaded(client: httpx.Client, content: bytes, ledger: Ledger) -> str:
 def in_pieces(client: httpx.Client, place: str, content: bytes, offset: int, ledger: Ledger) -> int:
     """Send pieces until the server is gone or all has come; how much it acknowledged in all."""
     while offset < len(content):
-        piece, headers = content[offset : offset + PIECE_BYTES], {"Upload-Offset": str(offset)}
         try:
-            answer = client.patch(place, headers={**PIECE, **headers}, content=piece)
+            answer = append(client, place, offset, content[offset : offset + PIECE_BYTES])
         except httpx.TransportError:
             return offset
         if answer.status_code != 204:
@@ -214,8 +216,8 @@ def check(server: Server, sent: dict[str, Walk], ledger: Ledger) -> None:
         maps = {job["given"]["recording"]: job["gave"].get("map") for job in jobs()}
         for recording, name in ledger.kept.items():
             content = client.get(f"/api/recordings/{recording}/recording.zip").content
-            assert unpacked(content) == sent[name].files
-            made = unpacked(client.get(f"/api/maps/{maps[recording]}/map.zip").content)
+            assert unzipped(content) == sent[name].files
+            made = unzipped(client.get(f"/api/maps/{maps[recording]}/map.zip").content)
             assert {k: v for k, v in made.items() if k not in DATED} == sent[name].mapped
         for recording in ledger.deleted:
             assert client.get(f"/api/recordings/{recording}").status_code == 404
@@ -223,3 +225,33 @@ def check(server: Server, sent: dict[str, Walk], ledger: Ledger) -> None:
     assert ledger.counts["bytes lost"] == ledger.counts["errors"] == 0
     assert {*ledger.counts} <= {"bytes lost", "errors", "deleting: 204", "deleting: 404"}
     assert list((server.folder / "work").iterdir()) == []
+
+
+@contextmanager
+def running(data: Path) -> Iterator[tuple[Served, httpx.Client]]:
+    """A server of a data folder, started anew, and a client of its owner; killed at the end."""
+    served = start(data, jobs=True)
+    try:
+        with served.client() as client:
+            yield served, client
+    finally:
+        served.kill()
+
+
+def test_a_server_killed_while_it_maps_goes_on_and_makes_the_same_map(
+    sent: dict[str, Walk], tmp_path: Path
+) -> None:
+    with running(tmp_path / "data") as (served, client):
+        recording_of(client, "walk.zip", sent["one"].packed)
+        [job] = client.get("/api/jobs").json()
+        job_when(client, job["id"], lambda job: job["doing"] in STAGES)
+        served.kill()
+    assert list((tmp_path / "data" / "work").iterdir()) != []
+    with running(tmp_path / "data") as (_, client):
+        job = job_when(client, job["id"], lambda job: job["state"] in ("done", "failed"))
+        assert (job["state"], job["attempts"]) == ("done", 2)
+        ours = unzipped(client.get(f"/api/maps/{job['gave']['map']}/map.zip").content)
+        assert len(client.get("/api/maps").json()) == 1
+    assert {name: ours[name] for name in ours.keys() - DATED} == sent["one"].mapped
+    assert ours.keys() >= DATED
+    assert list((tmp_path / "data" / "work").iterdir()) == []

@@ -1,98 +1,53 @@
-"""Jobs from the queue to a map, whatever happens on the way."""
+"""Jobs from the queue to a map, whatever happens on the way or is lacking, and several at once."""
 
 from __future__ import annotations
 
-import io
 import os
 import signal
-import zipfile
-from collections.abc import Callable
+import sqlite3
+import subprocess
+import time
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
-from fastapi import FastAPI
-from starlette.testclient import TestClient
 
-from elfslam.app.map import MapJob
-from elfslam.app.settings import Settings
 from elfslam.base.values import FixStatus
 from elfslam.data.position_files import read_fixes
 from elfslam.data.recordings import read_recording, write_recording
 from elfslam.serve.app import create_app
+from elfslam.serve.jobs.executors import DISK_FULL
 from elfslam.serve.services import Services, open_services
+from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.database import transaction
-from elfslam.serve.store.tables import Map, Recording, RecordingState
+from elfslam.serve.store.tables import Map
 from elfslam.stages.chirp import describe_chirp
-from tests.serve.jobs.conftest import start
-from tests.serve.planting import plant_files
+from tests.disks import mounted
+from tests.serve.conftest import Json, Somebody, allow, asking, job_when
+from tests.serve.jobs.conftest import Keep
 from tests.stages.pressure import with_stairs
 from tests.waiting import until
 
 pytestmark = pytest.mark.real
 
-Json = dict[str, Any]
-Remember = Callable[[TestClient, str], str]
-Wait = Callable[[TestClient, str], Json]
-AS_THE_COMMAND = MapJob((), None, "compact", Settings(), overwrite=False)
-DATED = {"run.json", "timings.json", "report.html"}
-"""Files of a run that say when it was made, or how long it took."""
-
-
-def ignore(what: str, share: float | None) -> None:
-    """Nobody watches."""
-
-
-def when(client: TestClient, job_id: str, wanted: Callable[[Json], bool]) -> Json:
-    """The job, as soon as it is as wanted."""
-
-    def as_wanted() -> Json | None:
-        job: Json = client.get(f"/api/jobs/{job_id}").json()
-        return job if wanted(job) else None
-
-    job = until(as_wanted, "the job as wanted")
-    assert job is not None
-    return job
+MEBIBYTE = 2**20
+LONGER_S = 12.0
+"""SQLite waits for 10 s for somebody who writes."""
 
 
 def works(job: Json) -> bool:
     return bool(job["state"] == "running" and job["doing"] not in ("", "starting"))
 
 
-def unpacked(client: TestClient, map_id: str, folder: Path) -> Path:
-    packed = client.get(f"/api/maps/{map_id}/map.zip").content
-    with zipfile.ZipFile(io.BytesIO(packed)) as archive:
-        archive.extractall(folder)
-    [top] = folder.iterdir()
-    return top
-
-
-def children_of(services: Services) -> list[int]:
-    """The processes that work in a folder of these services."""
-    found = []
-    for entry in Path("/proc").glob("[0-9]*/cmdline"):
-        try:
-            line = entry.read_bytes()
-        except OSError:
-            continue
-        if (
-            b"elfslam.serve.jobs.work" in line
-            and str(services.settings.work_folder).encode() in line
-        ):
-            found.append(int(entry.parent.name))
-    return found
-
-
 def left_over(services: Services) -> list[str]:
     return [item.name for item in services.settings.work_folder.iterdir()]
 
 
-def test_a_stretch_of_a_walk_becomes_a_map_beside_that_of_the_whole(
-    owner: TestClient, remember: Remember, ended: Wait
-) -> None:
-    recording = remember(owner, "one")
+def test_a_stretch_of_a_walk_becomes_a_map_beside_that_of_the_whole(owner: Somebody) -> None:
+    recording = owner.remember("one")
     whole, part = (
-        ended(owner, start(owner, kind="map", recording=recording, by=["motion"], **stretch))
+        owner.done(kind="map", recording=recording, by=["motion"], **stretch)
         for stretch in ({}, {"from_s": 5, "until_s": 12.5})
     )
     maps = [owner.get(f"/api/maps/{job['gave']['map']}").json() for job in (whole, part)]
@@ -100,20 +55,18 @@ def test_a_stretch_of_a_walk_becomes_a_map_beside_that_of_the_whole(
     assert "kept_s" not in maps[0]["facts"]
     assert maps[1]["facts"]["kept_s"] == [5.0, 12.5]
     assert 5 < maps[1]["facts"]["duration_s"] < 7.5 < maps[0]["facts"]["duration_s"]
-    none = ended(owner, start(owner, kind="map", recording=recording, from_s=900))
+    none = owner.done(kind="map", recording=recording, from_s=900)
     assert (none["state"], none["gave"]) == ("failed", {})
     assert "wanted motion from 900" in none["problem"]
 
 
 def test_a_walk_over_two_floors_becomes_a_map_a_floor_in_one_frame(
-    owner: TestClient, services: Services, walks: Path, tmp_path: Path, ended: Wait
+    owner: Somebody, walks: Path, tmp_path: Path
 ) -> None:
     climbed = with_stairs(read_recording(walks / "one"), 11.0, 8.0)
     write_recording(climbed, tmp_path / "climbed", chirp_description=describe_chirp())
-    user_id = owner.get("/api/me").json()["id"]
-    row = Recording(user_id=user_id, name="The tower", state=RecordingState.READY)
-    recording = plant_files(services, row, tmp_path / "climbed")
-    job = ended(owner, start(owner, kind="map", recording=recording, by=["motion"]))
+    recording = owner.remember("The tower", tmp_path / "climbed")
+    job = owner.done(kind="map", recording=recording, by=["motion"])
     assert job["problem"] is None
     lower, upper = (
         owner.get(f"/api/maps/{each}").json()
@@ -129,12 +82,10 @@ def test_a_walk_over_two_floors_becomes_a_map_a_floor_in_one_frame(
     assert owner.get("/api/maps").json() == []
 
 
-def test_the_walk_of_the_demonstration_is_merged_into_its_floor(
-    owner: TestClient, ended: Wait
-) -> None:
+def test_the_walk_of_the_demonstration_is_merged_into_its_floor(owner: Somebody) -> None:
     made = owner.post("/api/demonstration").json()
     upstairs = [each["id"] for each in made if each["level"] == 1]
-    job = ended(owner, start(owner, kind="merge", maps=upstairs))
+    job = owner.done(kind="merge", maps=upstairs)
     assert job["problem"] is None
     merged = owner.get(f"/api/maps/{job['gave']['map']}").json()
     assert (merged["facts"]["walks"], merged["facts"]["refused"]) == (2, {})
@@ -146,9 +97,8 @@ def test_the_walk_of_the_demonstration_is_merged_into_its_floor(
 
 
 def test_a_walk_is_located_on_the_floor_that_sounds_like_it(
-    owner: TestClient, remember: Remember, keep_map: Remember, ended: Wait, tmp_path: Path,
-    services: Services,
-) -> None:  # fmt: skip
+    owner: Somebody, keep_map: Keep, tmp_path: Path, services: Services
+) -> None:
     made = owner.post("/api/demonstration").json()
     entrance = next(each for each in made if each["facts"].get("level") == 0)
     above = keep_map(owner, "one")
@@ -157,8 +107,8 @@ def test_a_walk_is_located_on_the_floor_that_sounds_like_it(
         row.facts = {**row.facts, "level": 2, "frame": entrance["facts"]["frame"]}
         mute = Map(user_id=row.user_id, name="unheard", kind="run", facts={**row.facts, "level": 3})
         session.add(mute)
-    given = {"recording": remember(owner, "two"), "map": entrance["id"]}
-    job = ended(owner, start(owner, kind="locate", **given))
+    given = {"recording": owner.remember("two"), "map": entrance["id"]}
+    job = owner.done(kind="locate", **given)
     assert job["problem"] is None
     (tmp_path / "fixes.csv").write_bytes(owner.get(f"/api/jobs/{job['id']}/fixes.csv").content)
     fixes = read_fixes(tmp_path / "fixes.csv")
@@ -166,11 +116,9 @@ def test_a_walk_is_located_on_the_floor_that_sounds_like_it(
     assert set(fixes.level[fixes.status == FixStatus.OK]) == {2}
 
 
-def test_maps_are_merged_and_a_walk_is_located(
-    owner: TestClient, remember: Remember, ended: Wait, tmp_path: Path, services: Services
-) -> None:
-    recordings = [remember(owner, name) for name in ("one", "two")]
-    runs = [ended(owner, start(owner, kind="map", recording=each)) for each in recordings]
+def test_maps_are_merged_and_a_walk_is_located(owner: Somebody, tmp_path: Path) -> None:
+    recordings = [owner.remember(name) for name in ("one", "two")]
+    runs = [owner.done(kind="map", recording=each) for each in recordings]
     for job, recording in zip(runs, recordings, strict=True):
         assert (job["state"], job["problem"], job["share"]) == ("done", None, 1.0)
         made = owner.get(f"/api/maps/{job['gave']['map']}").json()
@@ -179,7 +127,7 @@ def test_maps_are_merged_and_a_walk_is_located(
     door = {"name": "Door", "kind": "door", "x_m": 0.0, "y_m": 0.0}
     named = {"version": "", "points": [door]}
     owner.put(f"/api/maps/{maps[1]}/points-of-interest", json=named).raise_for_status()
-    merged = ended(owner, start(owner, kind="merge", maps=maps, name="the studio"))
+    merged = owner.done(kind="merge", maps=maps, name="the studio")
     assert merged["problem"] is None
     floor = owner.get(f"/api/maps/{merged['gave']['map']}").json()
     assert (floor["name"], floor["kind"]) == ("the studio", "floor")
@@ -189,20 +137,20 @@ def test_maps_are_merged_and_a_walk_is_located(
     assert floor["facts"]["walks"] == 2
     told = [owner.get(f"/api/maps/{each}").json()["facts"]["distance_m"] for each in maps]
     assert floor["facts"]["distance_m"] == pytest.approx(sum(told), rel=0.1)
-    again = ended(owner, start(owner, kind="merge", maps=[floor["id"], maps[0]]))
+    again = owner.done(kind="merge", maps=[floor["id"], maps[0]])
     assert "in the map already" in again["problem"]
-    located = ended(owner, start(owner, kind="locate", recording=recordings[1], map=floor["id"]))
+    located = owner.done(kind="locate", recording=recordings[1], map=floor["id"])
     assert located["problem"] is None
     (tmp_path / "fixes.csv").write_bytes(owner.get(f"/api/jobs/{located['id']}/fixes.csv").content)
     assert len(read_fixes(tmp_path / "fixes.csv").t_s) == sum(located["gave"]["counts"].values())
-    until(lambda: left_over(services) == [], "an empty folder of work")
+    until(lambda: left_over(owner.services) == [], "an empty folder of work")
 
 
 def test_a_walk_elsewhere_is_located_nowhere(
-    owner: TestClient, remember: Remember, keep_map: Remember, ended: Wait, tmp_path: Path
+    owner: Somebody, keep_map: Keep, tmp_path: Path
 ) -> None:
-    where = {"recording": remember(owner, "away"), "map": keep_map(owner, "one")}
-    job = ended(owner, start(owner, kind="locate", mode="one-shot", **where))
+    where = {"recording": owner.remember("away"), "map": keep_map(owner, "one")}
+    job = owner.done(kind="locate", mode="one-shot", **where)
     assert job["state"] == "failed"
     assert job["problem"] == "away: nowhere in one; is it the same place?"
     (tmp_path / "fixes.csv").write_bytes(owner.get(f"/api/jobs/{job['id']}/fixes.csv").content)
@@ -211,9 +159,9 @@ def test_a_walk_elsewhere_is_located_nowhere(
 
 
 def test_a_walk_without_a_loop_fails_honestly_and_leaves_its_dead_reckoning(
-    owner: TestClient, remember: Remember, ended: Wait
+    owner: Somebody,
 ) -> None:
-    job = ended(owner, start(owner, kind="map", recording=remember(owner, "open")))
+    job = owner.done(kind="map", recording=owner.remember("open"))
     assert job["state"] == "failed"
     assert "no loop closure held" in job["problem"]
     made = owner.get(f"/api/maps/{job['gave']['map']}").json()
@@ -221,68 +169,164 @@ def test_a_walk_without_a_loop_fails_honestly_and_leaves_its_dead_reckoning(
     again = owner.post(f"/api/jobs/{job['id']}/retry").json()
     assert (again["state"], again["gave"]) == ("queued", {})
     assert owner.get(f"/api/maps/{made['id']}").status_code == 404
-    assert ended(owner, job["id"])["state"] == "failed"
+    assert owner.ended(job["id"])["state"] == "failed"
     assert len(owner.get("/api/maps").json()) == 1
 
 
-def test_what_a_recording_lacks_is_said_in_a_line_without_our_folders(
-    owner: TestClient, remember: Remember, ended: Wait, services: Services
-) -> None:
-    job = ended(owner, start(owner, kind="map", recording=remember(owner, "mute"), by=["wifi"]))
+def test_what_a_recording_lacks_is_said_in_a_line_without_our_folders(owner: Somebody) -> None:
+    job = owner.done(kind="map", recording=owner.remember("mute"), by=["wifi"])
     assert (job["state"], job["gave"]) == ("failed", {})
     assert job["problem"] == "mute: no Wi-Fi scans; map it by something else"
-    until(lambda: left_over(services) == [], "an empty folder of work")
+    until(lambda: left_over(owner.services) == [], "an empty folder of work")
 
 
-def test_a_cancel_in_the_middle_leaves_nothing(
-    owner: TestClient, remember: Remember, ended: Wait, services: Services
-) -> None:
+def test_a_cancel_in_the_middle_leaves_nothing(owner: Somebody, services: Services) -> None:
     before = sorted(services.settings.blobs_folder.glob("*/*"))
-    recording = remember(owner, "one")
-    job_id = start(owner, kind="map", recording=recording)
-    assert 0 < when(owner, job_id, works)["share"] < 1
-    [process] = children_of(services)
+    recording = owner.remember("one")
+    job_id = owner.start(kind="map", recording=recording)
+    assert 0 < job_when(owner, job_id, works)["share"] < 1
+    [process] = processes_of(services)
     assert owner.post(f"/api/jobs/{job_id}/cancel").json()["state"] == "cancelled"
-    until(lambda: process not in children_of(services), "the end of the process")
+    until(lambda: process not in processes_of(services), "the end of the process")
     until(lambda: left_over(services) == [], "an empty folder of work")
     assert owner.get("/api/maps").json() == []
     assert owner.post(f"/api/jobs/{job_id}/retry").json()["state"] == "queued"
-    assert ended(owner, job_id)["state"] == "done"
+    assert owner.ended(job_id)["state"] == "done"
     owner.delete(f"/api/recordings/{recording}")
     assert sorted(services.settings.blobs_folder.glob("*/*")) == before
 
 
-def test_the_crash_of_a_job_hurts_nobody_and_is_retried(
-    owner: TestClient, remember: Remember, ended: Wait, services: Services
-) -> None:
-    job_id = start(owner, kind="map", recording=remember(owner, "mute"))
-    when(owner, job_id, lambda job: bool(children_of(services)))
-    os.kill(children_of(services)[0], signal.SIGKILL)
-    job = ended(owner, job_id)
+def test_the_crash_of_a_job_hurts_nobody_and_is_retried(owner: Somebody) -> None:
+    job_id = owner.start(kind="map", recording=owner.remember("mute"))
+    job_when(owner, job_id, lambda job: bool(processes_of(owner.services)))
+    os.kill(min(processes_of(owner.services)), signal.SIGKILL)
+    job = owner.ended(job_id)
     assert job["state"] == "failed"
     assert "it was killed" in job["problem"]
-    when(owner, job_id, lambda job: not left_over(services))
+    job_when(owner, job_id, lambda job: not left_over(owner.services))
     owner.post(f"/api/jobs/{job_id}/retry")
-    job = ended(owner, job_id)
+    job = owner.ended(job_id)
     assert (job["state"], job["attempts"]) == ("done", 1)
 
 
 def test_a_server_that_stops_gives_its_job_to_the_next(
-    app: FastAPI, remember: Remember, ended: Wait, owner: TestClient, services: Services,
-    anyone: TestClient,
-) -> None:  # fmt: skip
-    job_id = start(owner, kind="map", recording=remember(owner, "mute"))
-    when(owner, job_id, lambda job: bool(children_of(services)))
+    owner: Somebody, services: Services, anyone: Somebody
+) -> None:
+    job_id = owner.start(kind="map", recording=owner.remember("mute"))
+    job_when(owner, job_id, lambda job: bool(processes_of(services)))
     token = owner.headers["Authorization"]
     anyone.__exit__(None, None, None)
-    assert children_of(services) == []
+    assert processes_of(services) == set()
     assert left_over(services) == []
-    with TestClient(
-        create_app(open_services(services.settings)),
-        client=("127.0.0.1", 50_000),
-        base_url="http://127.0.0.1",
-    ) as after:
+    with asking(create_app(open_services(services.settings))) as after:
         after.headers["Authorization"] = token
-        job = ended(after, job_id)
+        job = after.ended(job_id)
     assert (job["state"], job["attempts"]) == ("done", 1)
     anyone.__enter__()
+
+
+@pytest.fixture(params=[2, 5], ids=["for what is given", "for what is made"])
+def small_work(settings: ServerSettings, request: pytest.FixtureRequest) -> Iterator[Path]:
+    """The folder of scratch on a disk too small for a job; skips the test where none is made."""
+    with mounted(settings.work_folder, size=request.param * MEBIBYTE) as place:
+        yield place
+
+
+def test_a_full_disk_fails_the_job_until_there_is_room(small_work: Path, owner: Somebody) -> None:
+    job_id = owner.start(kind="map", recording=owner.remember("one"))
+    job = owner.ended(job_id)
+    assert (job["state"], job["problem"], job["gave"]) == ("failed", DISK_FULL, {})
+    until(lambda: left_over(owner.services) == [], "an empty folder of work")
+    subprocess.run(["umount", str(small_work)], check=True)
+    owner.post(f"/api/jobs/{job_id}/retry")
+    assert owner.ended(job_id)["state"] == "done"
+
+
+def test_a_database_that_is_busy_for_long_stops_no_job(owner: Somebody, services: Services) -> None:
+    job_id = owner.start(kind="map", recording=owner.remember("mute"))
+    other = sqlite3.connect(services.settings.data_folder / "elfslam.sqlite", isolation_level=None)
+    while owner.get(f"/api/jobs/{job_id}").json()["state"] == "queued":
+        time.sleep(0.02)
+    other.execute("BEGIN IMMEDIATE")
+    time.sleep(LONGER_S)
+    assert owner.get(f"/api/jobs/{job_id}").json()["state"] == "running"
+    other.execute("ROLLBACK")
+    other.close()
+    job = owner.ended(job_id)
+    assert (job["state"], job["attempts"]) == ("done", 1)
+
+
+def test_a_job_that_takes_too_much_memory_fails_alone(owner: Somebody, services: Services) -> None:
+    allow(services, job_bytes=MEBIBYTE)
+    job = owner.done(kind="map", recording=owner.remember("one"))
+    assert job["state"] == "failed"
+    assert "than the 0.00098 GiB" in job["problem"] or "ended in the middle" in job["problem"]
+    until(lambda: left_over(services) == [], "an empty folder of work")
+
+
+def test_a_job_that_takes_too_long_is_stopped(owner: Somebody, services: Services) -> None:
+    allow(services, job_s=0.01)
+    job = owner.done(kind="map", recording=owner.remember("mute"))
+    assert job["state"] == "failed"
+    assert "took longer" in job["problem"]
+
+
+def processes_of(services: Services) -> set[int]:
+    """Those that work on jobs: what they say of trouble goes into the folder of one."""
+    work, found = str(services.settings.work_folder), set()
+    for entry in Path("/proc").glob("[0-9]*"):
+        try:
+            if os.readlink(entry / "fd" / "2").startswith(work):
+                found.add(int(entry.name))
+        except OSError:
+            continue
+    return found
+
+
+def held(services: Services) -> set[int]:
+    """Those that work, each stopped where it is: none is done before another has begun."""
+    working = processes_of(services)
+    for process in working:
+        os.kill(process, signal.SIGSTOP)
+    return working
+
+
+def killed(services: Services, times: int) -> None:
+    """Kill the next processes that work, each once."""
+    gone = set[int]()
+
+    def enough() -> bool:
+        for process in processes_of(services) - gone:
+            os.kill(process, signal.SIGKILL)
+            gone.add(process)
+        return len(gone) >= times
+
+    until(enough, f"{times} processes", between=lambda: time.sleep(0.005))
+
+
+class TestSeveral:
+    """Two processes of this machine work."""
+
+    @pytest.fixture
+    def settings(self, settings: ServerSettings) -> ServerSettings:
+        return replace(settings, on="2")
+
+    def test_two_jobs_at_once_and_one_killed_is_done_again(self, owner: Somebody) -> None:
+        jobs = [owner.start(kind="map", recording=owner.remember(name)) for name in ("one", "two")]
+        until(lambda: len(held(owner.services)) == 2, "two processes at work")
+        unlucky, lucky = sorted(processes_of(owner.services))
+        os.kill(unlucky, signal.SIGKILL)
+        os.kill(lucky, signal.SIGCONT)
+        found = [owner.ended(job) for job in jobs]
+        assert [job["state"] for job in found] == ["done", "done"]
+        assert sorted(job["attempts"] for job in found) == [1, 2]
+        assert len(owner.get("/api/maps").json()) == 2
+        assert list(owner.services.settings.work_folder.iterdir()) == []
+
+    def test_a_job_whose_process_dies_three_times_is_given_up(self, owner: Somebody) -> None:
+        job = owner.start(kind="map", recording=owner.remember("one"))
+        killed(owner.services, 3)
+        found = owner.ended(job)
+        assert (found["state"], found["attempts"]) == ("failed", 3)
+        assert "it was killed" in found["problem"]
+        assert owner.get("/api/maps").json() == []

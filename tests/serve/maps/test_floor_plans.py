@@ -17,20 +17,17 @@ import httpx
 import pytest
 from PIL import Image
 from planted_plans import pdf
-from starlette.testclient import TestClient
 
-from elfslam.base.values import FloorMap
 from elfslam.data.plan_pictures import NAMESPACE
 from elfslam.serve.parsing.children import OF_ONE, WAITING, Children
 from elfslam.serve.services import Services
 from elfslam.serve.settings import Limits, ServerSettings
 from tests import hostile_plans
 from tests.hostile_plans import GEOJSON, JPEG, PDF, PNG, SVG
+from tests.serve.conftest import Maps, Somebody
+from tests.serve.planting import plant_floor_map, put_plan
 from tests.waiting import PATIENCE_S, until
 
-LetIn = Callable[[str], TestClient]
-PutMap = Callable[..., str]
-Plant = Callable[[Path], Any]
 SLACK_KIB = 2**15
 CHILD_KIB = 400 * 2**10
 """What a child may have in memory: its bound, and the libraries that it reads in."""
@@ -47,11 +44,6 @@ def drawing_s(request: pytest.FixtureRequest) -> float:
 def settings(tmp_path: Path, drawing_s: float) -> ServerSettings:
     limits = Limits(drawing_s=drawing_s, token_requests_per_s=1000, address_requests_per_s=1000)
     return ServerSettings(tmp_path / "data", secure_cookie=False, run_jobs=False, limits=limits)
-
-
-def put(client: TestClient, map_id: str, content: bytes, kind: str) -> Any:
-    headers = {"Content-Type": kind}
-    return client.put(f"/api/maps/{map_id}/floor-plan", content=content, headers=headers)
 
 
 @pytest.mark.hostile
@@ -75,17 +67,12 @@ def put(client: TestClient, map_id: str, content: bytes, kind: str) -> Any:
     indirect=["drawing_s"],
 )
 def test_a_costly_plan_is_refused_with_the_limit_named(
-    owner: TestClient,
-    put_map: PutMap,
-    services: Services,
-    make: Callable[[], bytes],
-    kind: str,
-    words: str,
+    owner: Somebody, services: Services, make: Callable[[], bytes], kind: str, words: str
 ) -> None:
-    map_id = put_map(owner)
+    map_id = owner.put_map()
     content = make()
     earlier_kib = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
-    answer = put(owner, map_id, content, kind)
+    answer = put_plan(owner, map_id, content, kind)
     assert answer.status_code == 422, answer.text
     assert words in answer.json()["detail"]
     # Linux counts what this process holds as its child's, until that has become another program.
@@ -138,9 +125,9 @@ def large_pdf() -> bytes:
     ids=["10 MP PNG", "39 MP JPEG", "40 MP PNG", "20,000 shapes", "opacity", "A1", "small"],
 )
 def test_an_honest_large_plan_is_taken(
-    owner: TestClient, put_map: PutMap, make: Callable[[], bytes], kind: str
+    owner: Somebody, make: Callable[[], bytes], kind: str
 ) -> None:
-    answer = put(owner, put_map(owner), make(), kind)
+    answer = put_plan(owner, owner.put_map(), make(), kind)
     assert answer.status_code == 200, answer.text
 
 
@@ -165,21 +152,22 @@ class HeldParser:
 
 
 def test_two_of_one_users_plans_at_a_time_and_others_are_unaffected(
-    let_in: LetIn, put_map: PutMap, monkeypatch: pytest.MonkeyPatch
+    ada: Somebody, eve: Somebody, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    eve, ada, held, more = let_in("Eve"), let_in("Ada"), HeldParser(), 5
+    held, more = HeldParser(), 5
     monkeypatch.setattr(Children, "parse", held.parse)
-    hers, mine = put_map(eve), put_map(ada)
+    hers, mine = eve.put_map(), ada.put_map()
     with ThreadPoolExecutor(OF_ONE + WAITING + more) as threads:
         sent = [
-            threads.submit(put, eve, hers, b"hold", PNG) for _ in range(OF_ONE + WAITING + more)
+            threads.submit(put_plan, eve, hers, b"hold", PNG)
+            for _ in range(OF_ONE + WAITING + more)
         ]
         for _ in range(OF_ONE):
             assert held.begins.acquire(timeout=PATIENCE_S)
         refused = _first(sent, more)
         assert {each.status_code for each in refused} == {429}
         assert {each.headers["retry-after"] for each in refused} == {"10"}
-        assert put(ada, mine, b"mine", PNG).status_code == 200, "while all of Eve's wait"
+        assert put_plan(ada, mine, b"mine", PNG).status_code == 200, "while all of Eve's wait"
         assert len(ada.get("/api/maps").json()) == 1
         assert ada.post("/api/recordings", json={"name": "walk"}).status_code == 201
         held.opened.set()
@@ -208,12 +196,12 @@ def forked_by(server: int) -> list[int]:
 
 
 def test_a_server_that_is_stopped_waits_for_no_plan(
-    start_server: Callable[..., Any], plant: Plant, maps: tuple[FloorMap, FloorMap]
+    start_server: Callable[..., Any], maps: Maps
 ) -> None:
     served = start_server(drawing_s=600.0)
-    map_id = plant(served.data).put(maps[0])
+    map_id = plant_floor_map(served.data, maps[0])
     with served.client() as owner, ThreadPoolExecutor() as threads:
-        sent = threads.submit(put, owner, map_id, MANY_MASKS, SVG)
+        sent = threads.submit(put_plan, owner, map_id, MANY_MASKS, SVG)
         (child,) = until(lambda: forked_by(served.process.pid), "a child that draws")
         served.process.send_signal(signal.SIGTERM)
         with suppress(httpx.TransportError):  # it may have closed the connection already

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import hashlib
 import random
 import resource
@@ -21,6 +20,7 @@ import httpx
 import pytest
 
 from elfslam.base.errors import InputError, StoreError
+from elfslam.serve.network import running
 from elfslam.serve.network.addresses import checked_hosts
 from elfslam.serve.network.authority import (
     SIGNING_KEY,
@@ -31,27 +31,15 @@ from elfslam.serve.network.authority import (
     signing_key,
     utc_now,
 )
-from elfslam.serve.network.running import (
-    OWNER_TOKEN,
-    Listening,
-    allow_open_files,
-    check_credentials,
-    greeting,
-    invite,
-    owner_token,
-    qr_lines,
-    run,
-    trust_key,
-)
 from elfslam.serve.people.users import set_owner_token
 from elfslam.serve.services import Services, open_services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.opening import InUseError
+from studies.benchmarks.served import PIECE
+from tests.serve.uploading import append, offset_of, uploading
 from tests.waiting import until
 
 Start = Callable[..., Any]
-TUS = {"Tus-Resumable": "1.0.0"}
-PIECE = {**TUS, "Content-Type": "application/offset+octet-stream"}
 ROUNDS = 2
 
 
@@ -65,18 +53,6 @@ def server(start_server: Start) -> Any:
 def secure(start_server: Start) -> Any:
     """The same, over TLS."""
     return start_server(speaks="https")
-
-
-def coded(text: str) -> str:
-    return base64.b64encode(text.encode()).decode()
-
-
-def begin(client: httpx.Client, length: int) -> str:
-    """An upload of so many bytes; its address."""
-    made = client.post("/api/recordings", json={"name": "walk"}).json()["id"]
-    told = f"recording {coded(made)},filename {coded('audio.flac')}"
-    headers = {**TUS, "Upload-Metadata": told, "Upload-Length": str(length)}
-    return str(client.post("/api/uploads", headers=headers).headers["location"])
 
 
 def test_https_with_the_authoritys_certificate(secure: Any) -> None:
@@ -99,7 +75,7 @@ def test_a_kill_loses_nothing_that_was_acknowledged(start_server: Start) -> None
     server, place, acknowledged = start_server(), "", 0
     for pieces in [generator.randint(2, 15) for _ in range(ROUNDS)]:
         with httpx.Client(base_url=server.url, headers=server.bearer) as client:
-            place = place or begin(client, len(data))
+            place = place or uploading(client, len(data), "audio.flac")
             acknowledged = resume(client, place, data, acknowledged, pieces)
             killer = threading.Timer(generator.uniform(0, 0.03), server.process.kill)
             killer.start()
@@ -122,8 +98,7 @@ def resume(client: httpx.Client, place: str, data: bytes, acknowledged: int, pie
         for _ in range(pieces):
             if offset == len(data):
                 break
-            sent = {**PIECE, "Upload-Offset": str(offset)}
-            answer = client.patch(place, headers=sent, content=data[offset : offset + 40_000])
+            answer = append(client, place, offset, data[offset : offset + 40_000])
             assert answer.status_code == 204, answer.text
             offset = acknowledged = int(answer.headers["upload-offset"])
     except httpx.TransportError:
@@ -133,24 +108,18 @@ def resume(client: httpx.Client, place: str, data: bytes, acknowledged: int, pie
 
 def test_a_piece_that_is_cut_off_is_kept_as_far_as_it_came(server: Any) -> None:
     with httpx.Client(base_url=server.url, headers=server.bearer) as client:
-        place = begin(client, 1_000_000)
+        place = uploading(client, 1_000_000, "audio.flac")
         with raw(server.url) as connection:
             connection.sendall(request(place, server.token, 900_000) + b"x" * 300_000)
             until(lambda: offset_of(client, place) == 300_000, "the piece")
-            assert (
-                client.patch(
-                    place, headers={**PIECE, "Upload-Offset": "300000"}, content=b"y"
-                ).status_code
-                == 423
-            )
-        more = {**PIECE, "Upload-Offset": "300000"}
-        until(lambda: client.patch(place, headers=more, content=b"y").status_code == 204, "room")
+            assert append(client, place, 300_000, b"y").status_code == 423
+        until(lambda: append(client, place, 300_000, b"y").status_code == 204, "room")
         assert offset_of(client, place) == 300_001
 
 
 def test_silence_ends_a_piece(server: Any) -> None:
     with httpx.Client(base_url=server.url, headers=server.bearer) as client:
-        place = begin(client, 1000)
+        place = uploading(client, 1000, "audio.flac")
         with raw(server.url) as connection:
             connection.sendall(request(place, server.token, 900) + b"x" * 300)
             answer = connection.recv(4096)
@@ -175,9 +144,8 @@ def test_a_stream_of_unknown_length_stops_at_what_was_said(server: Any) -> None:
         yield b"more"
 
     with httpx.Client(base_url=server.url, headers=server.bearer) as client:
-        place = begin(client, 1000)
-        sent = {**PIECE, "Upload-Offset": "0"}
-        assert client.patch(place, headers=sent, content=pieces()).status_code == 413
+        place = uploading(client, 1000, "audio.flac")
+        assert append(client, place, 0, pieces()).status_code == 413
         assert offset_of(client, place) == 1000
 
 
@@ -192,7 +160,7 @@ def test_two_gigabytes_that_are_claimed_are_refused_at_once(server: Any) -> None
 def test_a_stop_waits_for_the_piece_that_is_coming(start_server: Start) -> None:
     server = start_server()
     with httpx.Client(base_url=server.url, headers=server.bearer) as client:
-        place = begin(client, 1000)
+        place = uploading(client, 1000, "audio.flac")
     with raw(server.url) as connection:
         connection.sendall(request(place, server.token, 1000) + b"x" * 400)
         time.sleep(0.3)
@@ -221,17 +189,13 @@ def request(place: str, token: str, length: int, offset: int = 0) -> bytes:
     return ("\r\n".join(lines) + "\r\n\r\n").encode()
 
 
-def offset_of(client: httpx.Client, place: str) -> int:
-    return int(client.head(place, headers=TUS).headers["upload-offset"])
-
-
 def test_the_greeting_shows_the_address_and_its_code(tmp_path: Path) -> None:
     own, pairing = "https://127.0.0.1:8443/", "https://10.0.0.7:8443/#token=abc&key=def"
     certificate = server_certificate(tmp_path, ["10.0.0.7"], utc_now())
-    lines = greeting(["https://10.0.0.7:8443/", own], pairing, certificate)
+    lines = running.greeting(["https://10.0.0.7:8443/", own], pairing, certificate)
     assert lines[0] == pairing
-    assert len({len(line) for line in qr_lines(lines[0])}) == 1
-    assert set(qr_lines(pairing)) <= set(lines)
+    assert len({len(line) for line in running.qr_lines(lines[0])}) == 1
+    assert set(running.qr_lines(pairing)) <= set(lines)
     assert "https://10.0.0.7:8443/trust" in lines[-2]
     assert lines[-1] == fingerprint_of(tmp_path / "authority.pem")
     assert not any(own in line for line in lines)
@@ -239,10 +203,10 @@ def test_the_greeting_shows_the_address_and_its_code(tmp_path: Path) -> None:
 
 def test_another_address_is_told_and_no_code_leads_a_phone_to_itself() -> None:
     urls = ["https://10.0.0.7:8443/", "https://192.168.1.7:8443/", "https://127.0.0.1:8443/"]
-    told = "\n".join(greeting(urls, f"{urls[0]}#token=a", None))
+    told = "\n".join(running.greeting(urls, f"{urls[0]}#token=a", None))
     assert "https://192.168.1.7:8443/ (--address)" in told
     own = "https://127.0.0.1:8443/"
-    first, why = greeting([own], f"{own}#token=a", None)
+    first, why = running.greeting([own], f"{own}#token=a", None)
     assert first == f"{own}#token=a"
     assert why.startswith("No code to scan")
 
@@ -264,17 +228,17 @@ def test_plain_http_on_the_port_of_https_leads_there(secure: Any) -> None:
 
 
 def test_an_invitation_is_an_address_with_a_token_and_the_key(settings: ServerSettings) -> None:
-    name, url = invite(settings, " Zoë ")
+    name, url = running.invite(settings, " Zoë ")
     assert name == "Zoë"
     assert "#token=" in url
     assert url.endswith(f"&key={fingerprint(signing_key(settings.authority_folder))}")
     with pytest.raises(InputError, match="printable"):
-        invite(settings, "a\nb")
+        running.invite(settings, "a\nb")
 
 
 def test_plain_http_stays_on_this_machine(settings: ServerSettings) -> None:
     with pytest.raises(InputError, match="this machine alone"):
-        run(settings, Listening("10.1.2.3", 0, plain_http=True), print)
+        running.run(settings, running.Listening("10.1.2.3", 0, plain_http=True), print)
 
 
 def test_public_addresses_want_a_word() -> None:
@@ -285,23 +249,13 @@ def test_public_addresses_want_a_word() -> None:
     assert checked_hosts(None, allow_public=False)[-1] == "127.0.0.1"
 
 
-def test_a_port_in_use_is_said(settings: ServerSettings) -> None:
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        port = taken.getsockname()[1]
-        with pytest.raises(InputError, match=f"port {port}: cannot listen"):
-            run(settings, Listening("127.0.0.1", port, plain_http=True), print)
-
-
 def test_a_second_server_is_refused_before_it_changes_anything(server: Any) -> None:
     assert httpx.get(server.url + "api/me", headers=server.bearer).is_success, "it has written all"
-    before = {file.name: file.read_bytes() for file in (server.data / "authority").iterdir()}
-    second = Listening("127.0.0.1", 0, plain_http=True, new_token=True, new_key=True)
+    before = contents(server.data / "authority")
+    second = running.Listening("127.0.0.1", 0, plain_http=True, new_token=True, new_key=True)
     with pytest.raises(InUseError, match="another server is using it"):
-        run(ServerSettings(server.data, run_jobs=False), second, print)
-    after = {file.name: file.read_bytes() for file in (server.data / "authority").iterdir()}
-    assert after == before
+        running.run(ServerSettings(server.data, run_jobs=False), second, print)
+    assert contents(server.data / "authority") == before
     assert httpx.get(server.url + "api/me", headers=server.bearer).is_success
 
 
@@ -318,21 +272,21 @@ WRONG = {
 def test_a_start_that_is_refused_writes_no_key(
     settings: ServerSettings, name: str, is_new: bool
 ) -> None:
-    folder, listening = settings.authority_folder, Listening("127.0.0.1", 0)
+    folder, listening = settings.authority_folder, running.Listening("127.0.0.1", 0)
     services = open_services(settings)
     if not is_new:
-        owner_token(services)
-        trust_key(services)
+        running.owner_token(services)
+        running.trust_key(services)
         open_authority(folder)
     else:
         set_owner_token(services, "the one in use")
     services.engine.dispose()
     (folder / name).unlink(missing_ok=True)
     WRONG[name](folder / name)
-    before = {file: file.is_file() and file.read_bytes() for file in folder.iterdir()}
+    before = contents(folder)
     with pytest.raises(StoreError):
-        run(settings, listening, print)
-    assert {file: file.is_file() and file.read_bytes() for file in folder.iterdir()} == before
+        running.run(settings, listening, print)
+    assert contents(folder) == before
 
 
 @pytest.mark.parametrize(
@@ -344,7 +298,7 @@ def test_files_of_an_unknown_kind_or_with_a_password(
 ) -> None:
     wrong = replace(settings, files_url=url)
     with pytest.raises(InputError, match=words) as said:
-        run(wrong, Listening("127.0.0.1", 0, plain_http=True), print)
+        running.run(wrong, running.Listening("127.0.0.1", 0, plain_http=True), print)
     assert "hunter2" not in str(said.value)
     assert not settings.data_folder.exists()
 
@@ -352,22 +306,31 @@ def test_files_of_an_unknown_kind_or_with_a_password(
 def test_a_server_that_cannot_listen_changes_nothing(settings: ServerSettings) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        with pytest.raises(InputError, match="cannot listen there"):
-            run(settings, Listening("127.0.0.1", port, plain_http=True, new_token=True), print)
+        with pytest.raises(InputError, match=f"port {port}: cannot listen there"):
+            running.run(
+                settings,
+                running.Listening("127.0.0.1", port, plain_http=True, new_token=True),
+                print,
+            )
     assert list(settings.authority_folder.iterdir()) == []
 
 
 @pytest.fixture
 def authority(services: Services) -> Path:
     """The folder of a store that was served once."""
-    owner_token(services)
-    trust_key(services)
+    running.owner_token(services)
+    running.trust_key(services)
     return services.settings.authority_folder
 
 
-def check(services: Services, *, renews_token: bool = False, renews_key: bool = False) -> None:
-    folder = services.settings.authority_folder
-    check_credentials(services.engine, folder, renews_token=renews_token, renews_key=renews_key)
+def check(services: Services, **renews: bool) -> None:
+    wanted = {"renews_token": False, "renews_key": False, **renews}
+    running.check_credentials(services.engine, services.settings.authority_folder, **wanted)
+
+
+def contents(folder: Path) -> dict[str, bytes | bool]:
+    """Of the files of a folder."""
+    return {file.name: file.is_file() and file.read_bytes() for file in folder.iterdir()}
 
 
 def test_a_new_store_has_nothing_to_lose(services: Services) -> None:
@@ -376,12 +339,12 @@ def test_a_new_store_has_nothing_to_lose(services: Services) -> None:
 
 
 def test_what_belongs_together_passes(services: Services, authority: Path) -> None:
-    before = {file.name: file.read_bytes() for file in authority.iterdir()}
+    before = contents(authority)
     check(services)
-    assert owner_token(services) == (authority / OWNER_TOKEN).read_text().strip()
-    assert (authority / OWNER_TOKEN).stat().st_mode & 0o077 == 0
-    trust_key(services)
-    assert {file.name: file.read_bytes() for file in authority.iterdir()} == before
+    assert running.owner_token(services) == (authority / running.OWNER_TOKEN).read_text().strip()
+    assert (authority / running.OWNER_TOKEN).stat().st_mode & 0o077 == 0
+    running.trust_key(services)
+    assert contents(authority) == before
 
 
 @pytest.mark.parametrize(
@@ -392,7 +355,7 @@ def test_what_belongs_together_passes(services: Services, authority: Path) -> No
 def test_a_token_that_is_not_the_owners(
     services: Services, authority: Path, content: str | None, words: str
 ) -> None:
-    file = authority / OWNER_TOKEN
+    file = authority / running.OWNER_TOKEN
     file.unlink()
     if content is not None:
         file.write_bytes(content.encode("latin-1"))
@@ -402,10 +365,10 @@ def test_a_token_that_is_not_the_owners(
 
 
 def test_a_new_token_is_asked_for(services: Services, authority: Path) -> None:
-    before = owner_token(services)
-    (authority / OWNER_TOKEN).unlink()
+    before = running.owner_token(services)
+    (authority / running.OWNER_TOKEN).unlink()
     check(services, renews_token=True)
-    assert owner_token(services, renewed=True) != before
+    assert running.owner_token(services, renewed=True) != before
     check(services)
 
 
@@ -423,7 +386,7 @@ def test_a_signing_key_that_phones_do_not_trust(services: Services, authority: P
 def test_a_new_signing_key_is_asked_for(services: Services, authority: Path) -> None:
     before = fingerprint(signing_key(authority))
     check(services, renews_key=True)
-    trust_key(services, renewed=True)
+    running.trust_key(services, renewed=True)
     assert fingerprint(signing_key(authority)) != before
     check(services)
 
@@ -434,11 +397,6 @@ def test_a_damaged_signing_key(services: Services, authority: Path) -> None:
         check(services)
 
 
-def connected(url: str) -> socket.socket:
-    parts = urlsplit(url)
-    return socket.create_connection((str(parts.hostname), parts.port or 0), timeout=20)
-
-
 @pytest.mark.parametrize(("limits", "after"), [((64, 700), 600), ((650, 700), 650)])
 def test_as_many_files_as_wanted_may_be_open(
     monkeypatch: pytest.MonkeyPatch, limits: tuple[int, int], after: int
@@ -446,25 +404,25 @@ def test_as_many_files_as_wanted_may_be_open(
     told = [limits]
     monkeypatch.setattr(resource, "getrlimit", lambda _: told[-1])
     monkeypatch.setattr(resource, "setrlimit", lambda _, wanted: told.append(wanted))
-    allow_open_files(600)
+    running.allow_open_files(600)
     assert told[-1] == (after, 700)
 
 
 def test_too_few_open_files_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(resource, "getrlimit", lambda _: (12, 12))
     with pytest.raises(InputError, match=r"12 files at once, wanted 600 .* ulimit -n 600"):
-        allow_open_files(600)
+        running.allow_open_files(600)
 
 
 def test_one_address_has_a_share(start_server: Start) -> None:
     server = start_server(speaks="https", address_connections=2)
-    with connected(server.url) as first, connected(server.url), connected(server.url):
+    with raw(server.url) as first, raw(server.url), raw(server.url):
         assert first.recv(1) == b""
 
 
 def test_behind_a_proxy_all_come_from_one_address(start_server: Start) -> None:
     server = start_server(address_connections=2, connections=3)
-    with connected(server.url) as first, connected(server.url), connected(server.url):
+    with raw(server.url) as first, raw(server.url), raw(server.url):
         first.settimeout(20)
         assert httpx.get(server.url + "api/version").is_success
         assert first.recv(1) == b""

@@ -151,87 +151,73 @@ class Work:
             await asyncio.to_thread(self.begins.acquire)
 
 
-def test_two_of_one_user_at_a_time_and_another_is_not_kept_waiting() -> None:
-    async def scenario() -> tuple[list[str], Work]:
-        turns, work = Turns(), Work()
-        names = [f"eve {k}" for k in range(6)]
-        runs = [asyncio.create_task(turns.run("eve", partial(work.do, each))) for each in names]
-        await work.begun_by(OF_ONE)
-        assert await turns.run("ada", lambda: "ada") == "ada", "while all of eve's wait"
-        assert len(work.begun) == OF_ONE
-        work.end()
-        return await asyncio.gather(*runs), work
-
-    done, work = asyncio.run(scenario())
-    assert done == [f"eve {k}" for k in range(6)]
+@pytest.mark.anyio
+async def test_two_of_one_user_at_a_time_and_another_is_not_kept_waiting() -> None:
+    turns, work = Turns(), Work()
+    names = [f"eve {k}" for k in range(6)]
+    runs = [asyncio.create_task(turns.run("eve", partial(work.do, each))) for each in names]
+    await work.begun_by(OF_ONE)
+    assert await turns.run("ada", lambda: "ada") == "ada", "while all of eve's wait"
+    assert len(work.begun) == OF_ONE
+    work.end()
+    assert await asyncio.gather(*runs) == names
     assert work.most == OF_ONE
     assert set(work.begun[:2]) == {"eve 0", "eve 1"}
 
 
-def test_the_next_turn_is_of_whoever_has_the_fewest() -> None:
-    async def scenario() -> list[str]:
-        turns, short, long = Turns(at_once=2), Work(), Work()
-        begun = [
-            asyncio.create_task(turns.run("eve", partial(each.do, ""))) for each in (short, long)
-        ]
-        await short.begun_by(1)
-        await long.begun_by(1)
-        order: list[str] = []
-        runs = [
-            asyncio.create_task(turns.run(user, partial(order.append, user)))
-            for user in ("eve", "eve", "ada")
-        ]
-        await asyncio.sleep(0)
-        short.end()
-        await asyncio.gather(*runs)
-        long.end()
-        await asyncio.gather(*begun)
-        return order
-
-    assert asyncio.run(scenario()) == ["ada", "eve", "eve"]
+@pytest.mark.anyio
+async def test_the_next_turn_is_of_whoever_has_the_fewest() -> None:
+    turns, short, long, order = Turns(at_once=2), Work(), Work(), list[str]()
+    begun = [asyncio.create_task(turns.run("eve", partial(each.do, ""))) for each in (short, long)]
+    await short.begun_by(1)
+    await long.begun_by(1)
+    runs = [
+        asyncio.create_task(turns.run(user, partial(order.append, user)))
+        for user in ("eve", "eve", "ada")
+    ]
+    await asyncio.sleep(0)
+    short.end()
+    await asyncio.gather(*runs)
+    long.end()
+    await asyncio.gather(*begun)
+    assert order == ["ada", "eve", "eve"]
 
 
-def test_who_waits_too_long_is_refused_and_keeps_no_turn() -> None:
-    async def scenario() -> None:
-        turns, work = Turns(at_once=1, patience_s=0.0), Work()
-        first = asyncio.create_task(turns.run("eve", partial(work.do, "first")))
-        await work.begun_by(1)
-        with pytest.raises(Problem) as refused:
-            await turns.run("ada", lambda: "never")
-        assert refused.value.status_code == 429
-        assert refused.value.headers == {"Retry-After": "10"}
-        work.end()
-        await first
-        assert await turns.run("ada", lambda: "now") == "now"
-
-    asyncio.run(scenario())
+@pytest.mark.anyio
+async def test_who_waits_too_long_is_refused_and_keeps_no_turn() -> None:
+    turns, work = Turns(at_once=1, patience_s=0.0), Work()
+    first = asyncio.create_task(turns.run("eve", partial(work.do, "first")))
+    await work.begun_by(1)
+    with pytest.raises(Problem) as refused:
+        await turns.run("ada", lambda: "never")
+    assert refused.value.status_code == 429
+    assert refused.value.headers == {"Retry-After": "10"}
+    work.end()
+    await first
+    assert await turns.run("ada", lambda: "now") == "now"
 
 
-def test_who_gives_up_leaves_the_turn_to_others() -> None:
-    async def scenario() -> None:
-        turns, work = Turns(at_once=1), Work()
-        first = asyncio.create_task(turns.run("eve", partial(work.do, "first")))
-        await work.begun_by(1)
-        gone = asyncio.create_task(turns.run("ada", lambda: "never"))
-        await asyncio.sleep(0)
-        gone.cancel()
-        with pytest.raises(asyncio.CancelledError):
-            await gone
-        work.end()
-        assert await turns.run("bob", lambda: "now") == "now"
-        await first
-
-    asyncio.run(scenario())
+@pytest.mark.anyio
+async def test_who_gives_up_leaves_the_turn_to_others() -> None:
+    turns, work = Turns(at_once=1), Work()
+    first = asyncio.create_task(turns.run("eve", partial(work.do, "first")))
+    await work.begun_by(1)
+    gone = asyncio.create_task(turns.run("ada", lambda: "never"))
+    await asyncio.sleep(0)
+    gone.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await gone
+    work.end()
+    assert await turns.run("bob", lambda: "now") == "now"
+    await first
 
 
-def test_work_that_fails_gives_its_turn_back() -> None:
-    async def scenario() -> None:
-        turns = Turns(at_once=1)
-        with pytest.raises(ZeroDivisionError):
-            await turns.run("eve", lambda: 1 // 0)
-        assert await turns.run("eve", lambda: "now") == "now"
-
-    asyncio.run(scenario())
+@pytest.mark.anyio
+async def test_work_that_fails_gives_its_turn_back() -> None:
+    turns = Turns(at_once=1)
+    with pytest.raises(ZeroDivisionError):
+        await turns.run("eve", lambda: 1 // 0)
+    assert await turns.run("eve", lambda: "now") == "now"
 
 
 def test_the_places_of_one_user_have_an_end() -> None:

@@ -15,10 +15,13 @@ from starlette.testclient import TestClient
 from starlette.types import Message
 
 from elfslam.serve.app import create_app
+from elfslam.serve.people.access import new_token
 from elfslam.serve.people.guards import ONLY_HTTPS, Body, same_origin
+from elfslam.serve.people.users import set_owner_token
 from elfslam.serve.problems import Problem
 from elfslam.serve.services import MOST_BUCKETS, Rates, open_services
 from elfslam.serve.settings import Limits, ServerSettings
+from tests.serve.conftest import asking
 
 OWN_NAME = socket.gethostname().partition(".")[0]
 
@@ -32,18 +35,14 @@ def app_of_a_name(settings: ServerSettings) -> Iterator[FastAPI]:
 
 
 def test_strangers_are_refused(app: FastAPI, settings: ServerSettings, tmp_path: Path) -> None:
-    stranger = TestClient(app, client=("8.8.8.8", 1000), base_url="http://127.0.0.1")
+    stranger = asking(app, "8.8.8.8")
     answer = stranger.get("/api/version")
     assert answer.status_code == 403
     assert "own network" in answer.json()["detail"]
     open_app = create_app(
         open_services(replace(settings, data_folder=tmp_path / "open", allow_public=True))
     )
-    assert (
-        TestClient(open_app, client=("8.8.8.8", 1000), base_url="http://127.0.0.1")
-        .get("/api/version")
-        .is_success
-    )
+    assert asking(open_app, "8.8.8.8").get("/api/version").is_success
 
 
 OURS = [
@@ -93,7 +92,7 @@ OTHER_HOSTS = (
 
 
 def test_by_which_names_it_may_be_called(app_of_a_name: FastAPI) -> None:
-    client = TestClient(app_of_a_name, client=("127.0.0.1", 1))
+    client = asking(app_of_a_name)
     for host in OUR_HOSTS.split():
         assert client.get("/api/version", headers={"Host": host}).status_code == 200, host
     for host in ("", "localhost.evil.example:8443", *OTHER_HOSTS.split()):
@@ -106,7 +105,7 @@ def test_by_which_names_it_may_be_called(app_of_a_name: FastAPI) -> None:
 def test_only_names_that_were_given_are_kept_to_https(app_of_a_name: FastAPI) -> None:
     given, own = "floors.example.org", ("localhost", f"{OWN_NAME}.local", "127.0.0.1")
     for url in (f"https://{given}", f"http://{given}", *(f"https://{each}" for each in own)):
-        client = TestClient(app_of_a_name, client=("127.0.0.1", 1), base_url=url)
+        client = asking(app_of_a_name, base_url=url)
         told = client.get("/api/version").headers.get("strict-transport-security")
         assert told == (ONLY_HTTPS if url == f"https://{given}" else None)
 
@@ -135,31 +134,9 @@ def test_pages_do_not_lead_out(anyone: TestClient) -> None:
         assert anyone.get(path).status_code == 404, path
 
 
-def test_pages_and_their_kinds(settings: ServerSettings, tmp_path: Path) -> None:
-    pages = tmp_path / "pages"
-    pages.mkdir()
-    for name in ("phone.html", "desk.html", "a.js", "a.mjs", "a.wasm"):
-        (pages / name).write_text(name)
-    client = TestClient(
-        create_app(open_services(replace(settings, pages_folder=pages))),
-        client=("127.0.0.1", 1),
-        base_url="http://127.0.0.1",
-    )
-    assert client.get("/").text == "phone.html"
-    assert client.get("/desk").text == "desk.html"
-    assert client.get("/a.js").headers["content-type"].startswith("text/javascript")
-    assert client.get("/a.mjs").headers["content-type"].startswith("text/javascript")
-    assert client.get("/a.wasm").headers["content-type"] == "application/wasm"
-    assert client.get("/a.js").headers["cache-control"] == "no-cache"
-
-
 def limited(settings: ServerSettings, **limits: float) -> TestClient:
     given = Limits(**limits)  # type: ignore[arg-type]
-    return TestClient(
-        create_app(open_services(replace(settings, limits=given))),
-        client=("127.0.0.1", 1),
-        base_url="http://127.0.0.1",
-    )
+    return asking(create_app(open_services(replace(settings, limits=given))))
 
 
 def test_haste_is_refused_by_address(settings: ServerSettings) -> None:
@@ -170,9 +147,6 @@ def test_haste_is_refused_by_address(settings: ServerSettings) -> None:
 
 
 def test_haste_is_refused_by_token(settings: ServerSettings) -> None:
-    from elfslam.serve.people.access import new_token
-    from elfslam.serve.people.users import set_owner_token
-
     client, token = limited(settings, token_requests_per_s=0.01, burst_s=200.0), new_token()
     set_owner_token(client.app.state.services, token)  # type: ignore[attr-defined]
     mine = {"Authorization": f"Bearer {token}"}
@@ -227,56 +201,53 @@ def sending(pieces: Iterator[Message], pause_s: float) -> Callable[[], Awaitable
     return receive
 
 
-def came(pieces: list[Message], pause_s: float, most_bytes: int = 10_000) -> int:
+async def came(pieces: list[Message], pause_s: float, most_bytes: int = 10_000) -> int:
     """How many messages are received until the body or the connection ends. Raises Problem."""
     body = Body(sending(iter(pieces), pause_s), most_bytes, SILENCE_S, PACE)
-
-    async def receive_all() -> int:
-        for count in range(1, 1000):
-            message = await body.receive()
-            if not message.get("more_body", False):
-                return count
-        raise AssertionError
-
-    return asyncio.run(receive_all())
+    count = 1
+    while (await body.receive()).get("more_body", False):
+        count += 1
+    return count
 
 
-def refusal(pieces: list[Message], pause_s: float, most_bytes: int = 10_000) -> Problem:
+async def refusal(pieces: list[Message], pause_s: float, most_bytes: int = 10_000) -> Problem:
     with pytest.raises(Problem) as refused:
-        came(pieces, pause_s, most_bytes)
+        await came(pieces, pause_s, most_bytes)
     return refused.value
 
 
-def test_silence_is_refused() -> None:
-    told = refusal([piece(5000)], 0)
+@pytest.mark.anyio
+async def test_silence_is_refused() -> None:
+    told = await refusal([piece(5000)], 0)
     assert told.status_code == 408
     assert told.headers == {"Connection": "close"}
     assert "go on from the offset" in told.detail
 
 
-def test_dripping_is_refused_though_no_pause_is_long() -> None:
+@pytest.mark.anyio
+async def test_dripping_is_refused_though_no_pause_is_long() -> None:
     pieces = [*[piece(1)] * 20, piece(0, more=False)]
-    assert refusal(pieces, SILENCE_S / 8).status_code == 408
+    assert (await refusal(pieces, SILENCE_S / 8)).status_code == 408
 
 
-def test_what_keeps_the_pace_may_take_long() -> None:
+@pytest.mark.anyio
+async def test_what_keeps_the_pace_may_take_long() -> None:
     """Twice as fast as it must be, for twice as long as silence may last."""
     pause_s = SILENCE_S / 10
     pieces = [piece(round(2 * PACE * pause_s))] * 20
-    assert came([*pieces, piece(0, more=False)], pause_s) == 21
+    assert await came([*pieces, piece(0, more=False)], pause_s) == 21
 
 
-def test_the_end_of_a_connection_is_waited_for() -> None:
+@pytest.mark.anyio
+async def test_the_end_of_a_connection_is_waited_for() -> None:
     pieces = iter([piece(1, more=False), GONE])
     body = Body(sending(pieces, 0.75 * SILENCE_S), 10, SILENCE_S, PACE)
 
-    async def whole_then_gone() -> list[Message]:
-        first = await body.receive()
-        return [first, await asyncio.wait_for(body.receive(), 30)]
-
-    assert asyncio.run(whole_then_gone()) == [piece(1, more=False), GONE]
+    assert await body.receive() == piece(1, more=False)
+    assert await asyncio.wait_for(body.receive(), 30) == GONE
 
 
-def test_too_much_is_refused_as_it_comes() -> None:
-    assert refusal([piece(60), piece(41)], 0, most_bytes=100).status_code == 413
-    assert came([piece(60), piece(40, more=False)], 0, most_bytes=100) == 2
+@pytest.mark.anyio
+async def test_too_much_is_refused_as_it_comes() -> None:
+    assert (await refusal([piece(60), piece(41)], 0, most_bytes=100)).status_code == 413
+    assert await came([piece(60), piece(40, more=False)], 0, most_bytes=100) == 2

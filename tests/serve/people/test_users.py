@@ -1,8 +1,9 @@
-"""Who may do what."""
+"""Who may do what: with a token on every route, by codes that pair, and not too often."""
 
 from __future__ import annotations
 
 import hashlib
+import re
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
@@ -12,11 +13,13 @@ from sqlalchemy import select
 from starlette.testclient import TestClient
 
 from elfslam.serve.network.addresses import remember_url
-from elfslam.serve.services import Services
-from elfslam.serve.store.database import reading
+from elfslam.serve.people.access import admit, new_token
+from elfslam.serve.people.users import add_user
+from elfslam.serve.problems import Problem
+from elfslam.serve.services import MOST, OneTimeCodes, Rates, Services
+from elfslam.serve.store.database import looking, reading
 from elfslam.serve.store.tables import User
-
-DATABASES = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
+from tests.serve.conftest import DATABASES, Somebody
 
 
 @DATABASES
@@ -30,7 +33,7 @@ def test_without_a_token_there_is_a_version_and_nothing_else(anyone: TestClient)
 
 
 @DATABASES
-def test_a_session_keeps_the_token_in_a_cookie(owner: TestClient, anyone: TestClient) -> None:
+def test_a_session_keeps_the_token_in_a_cookie(owner: Somebody, anyone: TestClient) -> None:
     answer = owner.post("/api/session")
     assert answer.status_code == 204
     cookie = answer.headers["set-cookie"]
@@ -43,7 +46,7 @@ def test_a_session_keeps_the_token_in_a_cookie(owner: TestClient, anyone: TestCl
 
 
 @DATABASES
-def test_the_owner_invites_and_deletes(owner: TestClient, services: Services) -> None:
+def test_the_owner_invites_and_deletes(owner: Somebody, services: Services) -> None:
     made = owner.post("/api/users", json={"name": "Zoë"}).json()
     theirs = {"Authorization": f"Bearer {made['token']}"}
     key = owner.get("/api/key").json()["key"]
@@ -58,8 +61,8 @@ def test_the_owner_invites_and_deletes(owner: TestClient, services: Services) ->
 
 
 @DATABASES
-def test_the_owner_cannot_be_deleted(owner: TestClient, guest: TestClient) -> None:
-    mine = owner.get("/api/me").json()["id"]
+def test_the_owner_cannot_be_deleted(owner: Somebody, guest: Somebody) -> None:
+    mine = owner.id
     answer = owner.delete(f"/api/users/{mine}")
     assert answer.status_code == 409
     assert "delete the data folder instead" in answer.json()["detail"]
@@ -71,7 +74,7 @@ def code_in(url: str) -> str:
     return parse_qs(urlsplit(url).fragment)["code"][0]
 
 
-def test_a_code_pairs_another_device_once(guest: TestClient, anyone: TestClient) -> None:
+def test_a_code_pairs_another_device_once(guest: Somebody, anyone: TestClient) -> None:
     made = guest.post("/api/pairing")
     assert made.status_code == 201
     code = code_in(made.json()["url"])
@@ -91,7 +94,7 @@ def test_who_is_nobody_makes_no_code(anyone: TestClient) -> None:
 
 
 def test_the_code_of_who_was_deleted_opens_nothing(
-    owner: TestClient, guest: TestClient, anyone: TestClient
+    owner: Somebody, guest: Somebody, anyone: TestClient
 ) -> None:
     code = code_in(guest.post("/api/pairing").json()["url"])
     owner.delete(f"/api/users/{guest.get('/api/me').json()['id']}")
@@ -99,14 +102,14 @@ def test_the_code_of_who_was_deleted_opens_nothing(
     assert anyone.get("/api/me").status_code == 401
 
 
-def test_the_address_is_the_one_that_others_reach(owner: TestClient, services: Services) -> None:
+def test_the_address_is_the_one_that_others_reach(owner: Somebody, services: Services) -> None:
     remember_url(services.settings, "https://10.0.0.7:8443/")
     for path, given in (("/api/pairing", None), ("/api/users", {"name": "Zoë"})):
         assert owner.post(path, json=given).json()["url"].startswith("https://10.0.0.7:8443/#")
 
 
 @pytest.mark.parametrize("given", [None, {"name": "Zoë"}])
-def test_no_code_leads_a_device_to_itself(app: FastAPI, owner: TestClient, given: Any) -> None:
+def test_no_code_leads_a_device_to_itself(app: FastAPI, owner: Somebody, given: Any) -> None:
     from dataclasses import replace
 
     services: Services = app.state.services
@@ -117,3 +120,87 @@ def test_no_code_leads_a_device_to_itself(app: FastAPI, owner: TestClient, given
     answer = owner.post("/api/pairing" if given is None else "/api/users", json=given)
     assert (answer.status_code, "--address" in answer.json()["detail"]) == (409, True)
     assert len(owner.get("/api/users").json()) == before
+
+
+class Clock:
+    """A time that is told."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+def test_a_code_gives_its_token_once() -> None:
+    codes = OneTimeCodes()
+    mine, theirs = codes.make("mine"), codes.make("theirs")
+    assert codes.redeem(theirs) == "theirs"
+    assert codes.redeem(mine) == "mine"
+    assert codes.redeem(mine) is None
+    assert codes.redeem("never made") is None
+
+
+def test_a_code_ends() -> None:
+    clock = Clock()
+    codes = OneTimeCodes(lasts_s=600.0, clock=clock)
+    early = codes.make("early")
+    clock.now_s = 599.0
+    late = codes.make("late")
+    clock.now_s = 600.0
+    assert codes.redeem(early) is None
+    assert codes.redeem(late) == "late"
+
+
+def test_the_oldest_codes_give_way() -> None:
+    codes = OneTimeCodes()
+    made = [codes.make(str(number)) for number in range(MOST + 1)]
+    assert len(set(made)) == MOST + 1
+    assert codes.redeem(made[0]) is None
+    assert [codes.redeem(made[1]), codes.redeem(made[-1])] == ["1", str(MOST)]
+
+
+BODIES = {"/api/find": {"wifi": {"04:33:89:79:fc:7c": -60}}}
+"""What a route wants to see before it looks at the token."""
+
+
+PUBLIC = {
+    "/api/version",
+    "/api/key",
+    "/api/session/code",
+    "/api/links/open",
+    "/api/maps/{map_id}/plotly-{version}.min.js",
+}
+
+
+@pytest.mark.parametrize("token", [None, "k" * 43])
+def test_every_route_but_the_public_ones_wants_a_token(
+    app: FastAPI, anyone: TestClient, token: str | None
+) -> None:
+    header = {"Authorization": f"Bearer {token}"} if token else {}
+    tried = 0
+    for path, methods in app.openapi()["paths"].items():
+        if not path.startswith("/api/") or path in PUBLIC:
+            continue
+        for method in methods:
+            url = re.sub(r"\{[^}]*\}", "0" * 32, path)
+            answer = anyone.request(method, url, headers=header, json=BODIES.get(path))
+            assert answer.status_code == 401, (method, path, answer.text)
+            tried += 1
+    assert tried > 20
+
+
+@DATABASES
+def test_who_has_a_token_is_admitted_and_counted(services: Services) -> None:
+    known = [add_user(services, name)[1] for name in ("one", "two")]
+    rates = Rates(0.01, 200.0)
+    with looking(services.engine) as connection:
+        for token in [*known, known[0]]:
+            admit(connection, token, rates)
+        with pytest.raises(Problem) as haste:
+            admit(connection, known[0], rates)
+        admit(connection, known[1], rates)
+        with pytest.raises(Problem) as unknown:
+            admit(connection, new_token(), rates)
+    assert (haste.value.status_code, unknown.value.status_code) == (429, 401)
+    assert "Retry-After" in (haste.value.headers or {})

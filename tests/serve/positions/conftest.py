@@ -8,20 +8,18 @@ import socket
 import subprocess
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
 import pytest
-from sqlalchemy import select
-from starlette.testclient import TestClient
 
 from elfslam.serve.positions.values import LivePosition
-from elfslam.serve.services import Services
-from elfslam.serve.store.database import transaction
-from elfslam.serve.store.tables import Map, User, now_utc
+from elfslam.serve.store.tables import now_utc
 from studies.benchmarks.served import free_port
+from tests.serve.conftest import Somebody
 from tests.waiting import until
 
 MOSQUITTO = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin")
@@ -29,17 +27,16 @@ WALK = "0123456789abcdef"
 
 
 @pytest.fixture
-def map_id(owner: TestClient, services: Services) -> str:
-    """A map of the owner's, without files."""
-    with transaction(services.sessions) as session:
-        mine = session.scalars(select(User).filter_by(is_owner=True)).one()
-        row = Map(user_id=mine.id, name="Hall", kind="run")
-        session.add(row)
-    return row.id
+def map_id(owner: Somebody) -> str:
+    """A map of the owner's."""
+    return owner.put_map()
+
+
+Message = Callable[..., dict[str, Any]]
 
 
 @pytest.fixture
-def message(map_id: str) -> Callable[..., dict[str, Any]]:
+def message(map_id: str) -> Message:
     """What a phone sends: a fix at (1, 2), unless told otherwise."""
 
     def made(**more: Any) -> dict[str, Any]:
@@ -50,18 +47,13 @@ def message(map_id: str) -> Callable[..., dict[str, Any]]:
     return made
 
 
-@pytest.fixture
-def position() -> Callable[..., LivePosition]:
+def position(**more: Any) -> LivePosition:
     """Somebody's position in a map."""
-
-    def made(**more: Any) -> LivePosition:
-        told: dict[str, Any] = {
-            "map": "a" * 32, "walker": "b" * 32, "name": "Ada", "walk": WALK, "status": "OK",
-            "time_utc": now_utc(), "x_m": 1.0, "y_m": 2.0,
-        }  # fmt: skip
-        return LivePosition(**{**told, **more})
-
-    return made
+    told: dict[str, Any] = {
+        "map": "a" * 32, "walker": "b" * 32, "name": "Ada", "walk": WALK, "status": "OK",
+        "time_utc": now_utc(), "x_m": 1.0, "y_m": 2.0,
+    }  # fmt: skip
+    return LivePosition(**{**told, **more})
 
 
 @dataclass
@@ -141,11 +133,17 @@ def receiver() -> Iterator[Receiver]:
         def log_message(self, *_: object) -> None:
             pass
 
-    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    told.url = f"http://127.0.0.1:{server.server_port}/positions"
+    with serving(Handler) as told.url:
+        yield told
+
+
+@contextmanager
+def serving(handler: type[BaseHTTPRequestHandler]) -> Iterator[str]:
+    """A server of requests on loopback, as a URL."""
+    server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
     thread = threading.Thread(target=server.serve_forever, args=(0.02,))
     thread.start()
-    yield told
+    yield f"http://127.0.0.1:{server.server_port}/positions"
     server.shutdown()
     thread.join()
     server.server_close()

@@ -6,7 +6,7 @@ import json
 import logging
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -16,19 +16,17 @@ import pytest
 import trustme
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion
-from starlette.testclient import TestClient
 
 from elfslam.base.errors import InputError
 from elfslam.cli.server import _broker
 from elfslam.serve.positions import mqtt
 from elfslam.serve.positions.mqtt import Broker, MqttPublisher, parse_broker
-from elfslam.serve.positions.values import LivePosition
 from elfslam.serve.settings import ServerSettings
 from studies.benchmarks.served import free_port
-from tests.serve.positions.conftest import OwnBroker
+from tests.serve.conftest import Somebody
+from tests.serve.positions.conftest import Message, OwnBroker, position
 from tests.waiting import until
 
-Made = Callable[..., LivePosition]
 Heard = list[tuple[str, dict[str, Any]]]
 
 
@@ -58,7 +56,7 @@ def publishing(broker: Broker) -> Iterator[MqttPublisher]:
 
 
 @pytest.mark.real
-def test_each_position_is_published_as_json(mosquitto: OwnBroker, position: Made) -> None:
+def test_each_position_is_published_as_json(mosquitto: OwnBroker) -> None:
     mosquitto.start()
     with (
         listening(mosquitto.port) as heard,
@@ -74,7 +72,7 @@ def test_each_position_is_published_as_json(mosquitto: OwnBroker, position: Made
 
 @pytest.mark.real
 def test_a_broker_that_comes_back_is_found_again_and_that_is_said_once(
-    mosquitto: OwnBroker, position: Made, caplog: pytest.LogCaptureFixture
+    mosquitto: OwnBroker, caplog: pytest.LogCaptureFixture
 ) -> None:
     mosquitto.start()
     with (
@@ -100,7 +98,7 @@ def test_a_broker_that_comes_back_is_found_again_and_that_is_said_once(
 
 @pytest.mark.real
 def test_without_a_broker_nothing_waits_and_it_is_said_once(
-    position: Made, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(mqtt, "LONGEST_PAUSE_S", 1)
     tries: list[bool] = []
@@ -130,7 +128,7 @@ def test_without_a_broker_nothing_waits_and_it_is_said_once(
 @pytest.mark.real
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_over_tls_the_broker_is_verified(
-    mosquitto: OwnBroker, position: Made, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    mosquitto: OwnBroker, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     authority = trustme.CA()
     authority.cert_pem.write_to_path(str(tmp_path / "ca.pem"))
@@ -172,11 +170,7 @@ class TestTheWholeWay:
         return replace(settings, broker=Broker("127.0.0.1", mosquitto.port, "elfslam"))
 
     def test_what_a_walker_tells_is_published(
-        self,
-        owner: TestClient,
-        mosquitto: OwnBroker,
-        map_id: str,
-        message: Callable[..., dict[str, Any]],
+        self, owner: Somebody, mosquitto: OwnBroker, map_id: str, message: Message
     ) -> None:
         with listening(mosquitto.port) as heard:
 
@@ -185,7 +179,7 @@ class TestTheWholeWay:
                 return bool(heard)
 
             until(told, "a position", between=lambda: time.sleep(0.3))
-        me = owner.get("/api/me").json()["id"]
+        me = owner.id
         assert heard[0][0] == f"elfslam/{map_id}/{me}"
         assert heard[0][1] == {
             **owner.get("/api/positions").json()[-1],

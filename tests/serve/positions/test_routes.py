@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
 from datetime import timedelta
-from typing import Any
 
 import pytest
 from sqlalchemy import func, select
 from sqlalchemy.exc import OperationalError
-from starlette.testclient import TestClient
 
 from elfslam.serve.positions import routes
 from elfslam.serve.positions.hub import HistoryBuffer
 from elfslam.serve.positions.routes import delete_history, forget_old_positions, write_history
-from elfslam.serve.positions.values import LivePosition
 from elfslam.serve.services import Services
-from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.database import reading, transaction
 from elfslam.serve.store.sweeps import sweeping
-from elfslam.serve.store.tables import Building, Floor, KeptPosition, User, now_utc
+from elfslam.serve.store.tables import Building, Floor, KeptPosition, now_utc
+from tests.serve.conftest import DATABASES, Somebody, allow
+from tests.serve.positions.conftest import Message, position
 from tests.waiting import until
 
-pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
-Message = Callable[..., dict[str, Any]]
-Made = Callable[..., LivePosition]
+pytestmark = DATABASES
 HISTORY, FLOOR = "/api/positions", "f" * 32
 
 
@@ -35,6 +29,10 @@ def live_of(map_id: str) -> str:
 
 def kept(services: Services) -> int:
     write_history(services)
+    return written(services)
+
+
+def written(services: Services) -> int:
     with reading(services.sessions) as session:
         return session.scalar(select(func.count()).select_from(KeptPosition)) or 0
 
@@ -43,22 +41,11 @@ def publish_floor(services: Services) -> None:
     with transaction(services.sessions) as session:
         session.add(Building(number=1, name="Mall"))
         session.flush()
-        session.add(
-            Floor(
-                id=FLOOR,
-                building=1,
-                level=0,
-                latitude_deg=47.0,
-                longitude_deg=8.0,
-                radius_m=9.0,
-                has_wifi=False,
-                revision=1,
-                manifest="{}",
-            )
-        )
+        place = {"latitude_deg": 47.0, "longitude_deg": 8.0, "radius_m": 9.0, "has_wifi": False}
+        session.add(Floor(id=FLOOR, building=1, level=0, revision=1, manifest="{}", **place))
 
 
-def test_a_position_is_shown_and_kept(owner: TestClient, map_id: str, message: Message) -> None:
+def test_a_position_is_shown_and_kept(owner: Somebody, map_id: str, message: Message) -> None:
     assert owner.post(HISTORY, json=message()).status_code == 204
     [live] = owner.get(live_of(map_id)).json()
     [mine] = owner.get(HISTORY).json()
@@ -69,7 +56,7 @@ def test_a_position_is_shown_and_kept(owner: TestClient, map_id: str, message: M
 
 
 def test_without_a_place_a_walker_is_there_all_the_same(
-    owner: TestClient, map_id: str, message: Message
+    owner: Somebody, map_id: str, message: Message
 ) -> None:
     lost = message(status="UNKNOWN_PLACE", x_m=None, y_m=None, heading_rad=None, sigma_m=None)
     assert owner.post(HISTORY, json=lost).status_code == 204
@@ -78,7 +65,7 @@ def test_without_a_place_a_walker_is_there_all_the_same(
 
 
 def test_somebody_elses_map_is_none(
-    owner: TestClient, guest: TestClient, map_id: str, message: Message
+    owner: Somebody, guest: Somebody, map_id: str, message: Message
 ) -> None:
     owner.post(HISTORY, json=message())
     assert guest.post(HISTORY, json=message()).status_code == 404
@@ -88,9 +75,7 @@ def test_somebody_elses_map_is_none(
     assert guest.get(f"/api/maps/{map_id}/webhooks").status_code == 404
 
 
-def test_consent_that_ends_is_seen_at_once(
-    owner: TestClient, map_id: str, message: Message
-) -> None:
+def test_consent_that_ends_is_seen_at_once(owner: Somebody, map_id: str, message: Message) -> None:
     owner.post(HISTORY, json=message())
     owner.post(HISTORY, json=message(walk="9" * 16))
     over = {**message(is_over=True), "positions": []}
@@ -99,7 +84,7 @@ def test_consent_that_ends_is_seen_at_once(
 
 
 def test_a_map_that_is_placed_tells_latitudes(
-    owner: TestClient, map_id: str, message: Message
+    owner: Somebody, map_id: str, message: Message
 ) -> None:
     settings = f"{live_of(map_id)}/settings"
     assert owner.get(settings).json() == {"is_on": True, "origin": None}
@@ -112,7 +97,7 @@ def test_a_map_that_is_placed_tells_latitudes(
     assert owner.put(settings, json={}).json() == {"is_on": True, "origin": None}
 
 
-def test_a_map_may_take_none(owner: TestClient, map_id: str, message: Message) -> None:
+def test_a_map_may_take_none(owner: Somebody, map_id: str, message: Message) -> None:
     owner.post(HISTORY, json=message())
     owner.put(f"{live_of(map_id)}/settings", json={"is_on": False})
     assert owner.get(live_of(map_id)).json() == []
@@ -123,7 +108,7 @@ def test_a_map_may_take_none(owner: TestClient, map_id: str, message: Message) -
 
 
 def test_in_a_published_floor_everybody_is_located_and_the_owner_sees(
-    owner: TestClient, guest: TestClient, services: Services, message: Message
+    owner: Somebody, guest: Somebody, services: Services, message: Message
 ) -> None:
     publish_floor(services)
     assert guest.post(HISTORY, json=message(map=FLOOR)).status_code == 204
@@ -133,7 +118,7 @@ def test_in_a_published_floor_everybody_is_located_and_the_owner_sees(
 
 
 def test_haste_and_size_are_bounded(
-    owner: TestClient, services: Services, message: Message, monkeypatch: pytest.MonkeyPatch
+    owner: Somebody, services: Services, message: Message, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(services.positions.rates, "_clock", lambda: 0.0)
     many = {**message(), "positions": 21 * message()["positions"]}
@@ -148,7 +133,7 @@ def test_haste_and_size_are_bounded(
 
 
 def test_history_comes_the_latest_first_and_page_by_page(
-    owner: TestClient, map_id: str, message: Message, monkeypatch: pytest.MonkeyPatch
+    owner: Somebody, map_id: str, message: Message, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(routes, "MOST_TOLD", 2)
     for k in range(3):
@@ -162,7 +147,7 @@ def test_history_comes_the_latest_first_and_page_by_page(
 
 
 def test_who_deletes_their_history_has_none_and_is_nowhere(
-    owner: TestClient, guest: TestClient, services: Services, map_id: str, message: Message
+    owner: Somebody, guest: Somebody, services: Services, map_id: str, message: Message
 ) -> None:
     publish_floor(services)
     guest.post(HISTORY, json=message(map=FLOOR))
@@ -178,7 +163,7 @@ def test_who_deletes_their_history_has_none_and_is_nowhere(
 
 
 def test_history_goes_with_its_walker_and_with_its_map(
-    owner: TestClient, guest: TestClient, services: Services, map_id: str, message: Message
+    owner: Somebody, guest: Somebody, services: Services, map_id: str, message: Message
 ) -> None:
     publish_floor(services)
     guest.post(HISTORY, json=message(map=FLOOR))
@@ -196,10 +181,9 @@ def test_history_goes_with_its_walker_and_with_its_map(
 
 
 def test_what_is_too_old_goes_with_the_sweep_and_at_a_start(
-    owner: TestClient, services: Services, map_id: str, position: Made
+    owner: Somebody, services: Services, map_id: str
 ) -> None:
-    with reading(services.sessions) as session:
-        me = session.scalars(select(User.id)).one()
+    me = owner.id
     days = services.settings.limits.position_days
     for age_days in (days + 0.01, days - 0.01, -days - 0.01):
         at_utc = now_utc() - timedelta(days=age_days)
@@ -215,15 +199,9 @@ def test_what_is_too_old_goes_with_the_sweep_and_at_a_start(
         assert kept(services) == 1
 
 
-def test_history_is_written_by_itself(
-    owner: TestClient, services: Services, map_id: str, message: Message
-) -> None:
-    def written() -> int:
-        with reading(services.sessions) as session:
-            return session.scalar(select(func.count()).select_from(KeptPosition)) or 0
-
+def test_history_is_written_by_itself(owner: Somebody, map_id: str, message: Message) -> None:
     owner.post(HISTORY, json=message())
-    until(lambda: written() == 1, "the history")
+    until(lambda: written(owner.services) == 1, "the history")
 
 
 def test_a_database_that_is_away_is_said_once(
@@ -242,11 +220,9 @@ def test_a_database_that_is_away_is_said_once(
 
 
 def test_what_could_not_be_written_is_written_later(
-    owner: TestClient, services: Services, map_id: str, position: Made,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
-    with reading(services.sessions) as session:
-        me = session.scalars(select(User.id)).one()
+    owner: Somebody, services: Services, map_id: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    me = owner.id
 
     def away(*_: object) -> int:
         raise OperationalError("INSERT", {}, Exception("no answer"))
@@ -259,24 +235,16 @@ def test_what_could_not_be_written_is_written_later(
     assert kept(services) == 1
 
 
-class TestWithoutHistory:
-    """`position_days` is 0."""
-
-    @pytest.fixture
-    def settings(self, settings: ServerSettings) -> ServerSettings:
-        return replace(settings, limits=replace(settings.limits, position_days=0.0))
-
-    def test_none_is_kept(
-        self, owner: TestClient, services: Services, map_id: str, message: Message
-    ) -> None:
-        assert owner.post(HISTORY, json=message()).status_code == 204
-        assert len(owner.get(live_of(map_id)).json()) == 1
-        assert owner.get(HISTORY).json() == []
-        assert kept(services) == 0
+def test_without_days_no_history_is_kept(owner: Somebody, map_id: str, message: Message) -> None:
+    allow(owner.services, position_days=0.0)
+    assert owner.post(HISTORY, json=message()).status_code == 204
+    assert len(owner.get(live_of(map_id)).json()) == 1
+    assert owner.get(HISTORY).json() == []
+    assert kept(owner.services) == 0
 
 
 def test_what_cannot_be_written_waits_and_the_oldest_gives_way(
-    owner: TestClient, services: Services, position: Made
+    owner: Somebody, services: Services
 ) -> None:
     buffer = HistoryBuffer(most=3)
     buffer.add([position(x_m=0.0), position(x_m=1.0)])
@@ -309,7 +277,7 @@ def hooks_of(map_id: str) -> str:
     return f"/api/maps/{map_id}/webhooks"
 
 
-def test_a_webhook_is_told_its_secret_once(owner: TestClient, map_id: str) -> None:
+def test_a_webhook_is_told_its_secret_once(owner: Somebody, map_id: str) -> None:
     made = owner.post(hooks_of(map_id), json={"url": URL})
     assert made.status_code == 201
     assert len(made.json()["secret"]) >= 32
@@ -324,7 +292,7 @@ def test_a_webhook_is_told_its_secret_once(owner: TestClient, map_id: str) -> No
     assert not any("secret" in each for each in told)
 
 
-def test_a_webhook_is_deleted_by_its_map_alone(owner: TestClient, map_id: str) -> None:
+def test_a_webhook_is_deleted_by_its_map_alone(owner: Somebody, map_id: str) -> None:
     made = owner.post(hooks_of(map_id), json={"url": URL}).json()
     assert owner.delete(f"{hooks_of('0' * 32)}/{made['id']}").status_code == 404
     assert owner.delete(f"{hooks_of(map_id)}/{'0' * 32}").status_code == 404
@@ -332,7 +300,7 @@ def test_a_webhook_is_deleted_by_its_map_alone(owner: TestClient, map_id: str) -
     assert owner.get(hooks_of(map_id)).json() == []
 
 
-def test_webhooks_are_few(owner: TestClient, services: Services, map_id: str) -> None:
+def test_webhooks_are_few(owner: Somebody, services: Services, map_id: str) -> None:
     most = services.settings.limits.webhooks
     answers = [owner.post(hooks_of(map_id), json={"url": URL}).status_code for _ in range(most + 1)]
     assert answers == most * [201] + [409]
@@ -349,7 +317,7 @@ def test_webhooks_are_few(owner: TestClient, services: Services, map_id: str) ->
     ],
 )
 def test_where_a_webhook_may_not_lead_is_said(
-    owner: TestClient, map_id: str, url: str, line: str
+    owner: Somebody, map_id: str, url: str, line: str
 ) -> None:
     refused = owner.post(hooks_of(map_id), json={"url": url})
     assert refused.status_code == 422
@@ -357,17 +325,11 @@ def test_where_a_webhook_may_not_lead_is_said(
     assert owner.get(hooks_of(map_id)).json() == []
 
 
-def test_a_short_secret_is_refused(owner: TestClient, map_id: str) -> None:
+def test_a_short_secret_is_refused(owner: Somebody, map_id: str) -> None:
     assert owner.post(hooks_of(map_id), json={"url": URL, "secret": "short"}).status_code == 422
 
 
-class TestLocalWebhooks:
-    """The server was started with --local-webhooks."""
-
-    @pytest.fixture
-    def settings(self, settings: ServerSettings) -> ServerSettings:
-        return replace(settings, local_webhooks=True)
-
-    def test_they_may_lead_inside(self, owner: TestClient, map_id: str) -> None:
-        answer = owner.post(hooks_of(map_id), json={"url": "http://inside.example.org/"})
-        assert answer.status_code == 201
+def test_local_webhooks_may_lead_inside(owner: Somebody, services: Services, map_id: str) -> None:
+    object.__setattr__(services.settings, "local_webhooks", True)
+    answer = owner.post(hooks_of(map_id), json={"url": "http://inside.example.org/"})
+    assert answer.status_code == 201

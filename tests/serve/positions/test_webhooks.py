@@ -7,18 +7,15 @@ import contextlib
 import json
 import re
 import ssl
-import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import timedelta
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
 import pytest
 import trustme
-from starlette.testclient import TestClient
 
 from elfslam.base.errors import InputError
 from elfslam.serve.positions.values import LivePosition
@@ -42,10 +39,10 @@ from elfslam.serve.positions.webhooks import (
 )
 from elfslam.serve.settings import ServerSettings
 from studies.benchmarks.served import free_port
-from tests.serve.positions.conftest import Receiver
+from tests.serve.conftest import Somebody
+from tests.serve.positions.conftest import Message, Receiver, position, serving
 from tests.waiting import until
 
-Made = Callable[..., LivePosition]
 MAP, SECRET = "a" * 32, "s" * 16
 AWAY = DeliveryError("answered 503")
 
@@ -89,28 +86,27 @@ class World:
             lambda: self.now_s,
         )
 
-    def round(self, postman: WebhookDispatcher) -> Any:
-        async def both() -> None:
-            await postman.dispatch()
-            await postman.finish()
-
-        return both()
+    async def round(self, postman: WebhookDispatcher) -> None:
+        await postman.dispatch()
+        await postman.finish()
 
 
-def run_rounds(world: World, *batches: list[LivePosition]) -> None:
-    """A round after each batch, a minute apart."""
+def run_rounds(world: World, *batches: list[LivePosition], at_s: Sequence[float] = ()) -> list[int]:
+    """A round after each batch, a minute apart unless times are told; how much has come by then."""
 
-    async def rounds() -> None:
-        postman = world.postman()
-        for batch in batches:
+    async def rounds() -> list[int]:
+        postman, seen = world.postman(), []
+        for k, batch in enumerate(batches):
+            world.now_s = at_s[k] if at_s else 60.0 * k
             world.outboxes.put(batch)
             await world.round(postman)
-            world.now_s += 60
+            seen.append(len(world.got))
+        return seen
 
-    asyncio.run(rounds())
+    return asyncio.run(rounds())
 
 
-def test_positions_of_a_map_go_to_its_webhook_in_one_batch(position: Made) -> None:
+def test_positions_of_a_map_go_to_its_webhook_in_one_batch() -> None:
     world = World()
     run_rounds(world, [position(x_m=1.0), position(x_m=2.0), position(map="f" * 32)])
     [(target, address, body, _)] = world.got
@@ -122,7 +118,7 @@ def test_positions_of_a_map_go_to_its_webhook_in_one_batch(position: Made) -> No
     assert told.last_delivered_utc is not None
 
 
-def test_it_is_tried_three_times_and_then_dropped_and_said(position: Made) -> None:
+def test_it_is_tried_three_times_and_then_dropped_and_said() -> None:
     world = World(answers=[AWAY, AWAY, AWAY])
     run_rounds(world, [position()], [position(x_m=5.0)])
     assert len(world.got) == 4
@@ -132,7 +128,7 @@ def test_it_is_tried_three_times_and_then_dropped_and_said(position: Made) -> No
     assert told.last_error is None, "the last delivery went well"
 
 
-def test_the_last_error_is_told_until_it_goes_well(position: Made) -> None:
+def test_the_last_error_is_told_until_it_goes_well() -> None:
     world = World(answers=3 * [AWAY])
     run_rounds(world, [position()])
     told = world.outboxes.deliveries_of("h")
@@ -142,35 +138,27 @@ def test_the_last_error_is_told_until_it_goes_well(position: Made) -> None:
     assert world.outboxes.deliveries_of("h").last_error is None
 
 
-def test_what_is_refused_for_good_is_not_tried_again(position: Made) -> None:
+def test_what_is_refused_for_good_is_not_tried_again() -> None:
     world = World(answers=[DeliveryError("answered 410", is_final=True)])
     run_rounds(world, [position()])
     assert len(world.got) == 1
     assert world.outboxes.deliveries_of("h").dropped == 1
 
 
-def test_a_name_that_has_moved_inside_is_not_asked(position: Made) -> None:
+def test_a_name_that_has_moved_inside_is_not_asked() -> None:
     world = World(address=InputError("webhook h: leads to 10.0.0.7, which is not public"))
     run_rounds(world, [position()])
     assert world.got == []
     assert "10.0.0.7" in str(world.outboxes.deliveries_of("h").last_error)
 
 
-def test_after_a_failure_it_rests_ever_longer(position: Made) -> None:
-    async def rounds(world: World) -> list[int]:
-        postman, seen = world.postman(), []
-        for now_s in (0.0, 1.9, 2.0, 5.9, 6.0):
-            world.now_s = now_s
-            world.outboxes.put([position()])
-            await world.round(postman)
-            seen.append(len(world.got))
-        return seen
-
-    final = DeliveryError("answered 500", is_final=True)
-    assert asyncio.run(rounds(World(answers=9 * [final]))) == [1, 1, 2, 2, 3]
+def test_after_a_failure_it_rests_ever_longer() -> None:
+    world = World(answers=9 * [DeliveryError("answered 500", is_final=True)])
+    at_s = (0.0, 1.9, 2.0, 5.9, 6.0)
+    assert run_rounds(world, *(5 * [[position()]]), at_s=at_s) == [1, 1, 2, 2, 3]
 
 
-def test_a_queue_is_bounded_and_batches_too(position: Made) -> None:
+def test_a_queue_is_bounded_and_batches_too() -> None:
     world = World()
     run_rounds(world, [position(x_m=float(k)) for k in range(MOST_WAITING + 7)], [], [])
     sizes = [len(body["positions"]) for _, _, body, _ in world.got]
@@ -178,87 +166,66 @@ def test_a_queue_is_bounded_and_batches_too(position: Made) -> None:
     assert world.got[0][2]["positions"][0]["x_m"] == 7.0
 
 
-def test_what_came_while_it_rested_is_counted_as_dropped(position: Made) -> None:
+def test_what_came_while_it_rested_is_counted_as_dropped() -> None:
     world = World(answers=[DeliveryError("answered 500", is_final=True)])
-
-    async def rounds() -> None:
-        postman = world.postman()
-        for count in (1, MOST_WAITING, 3):
-            world.outboxes.put(count * [position()])
-            await world.round(postman)
-
-    asyncio.run(rounds())
+    run_rounds(world, *(n * [position()] for n in (1, MOST_WAITING, 3)), at_s=(0.0, 0.0, 0.0))
     assert world.outboxes.deliveries_of("h").dropped == 1 + 3
 
 
-def test_what_a_walker_deletes_while_it_waits_is_not_passed_on(position: Made) -> None:
+@pytest.mark.anyio
+async def test_what_a_walker_deletes_while_it_waits_is_not_passed_on() -> None:
     world = World(answers=[DeliveryError("answered 500", is_final=True)])
-
-    async def rounds() -> None:
-        postman = world.postman()
-        mine, theirs = position(), position(walker="d" * 32, x_m=9.0)
-        for waiting in ([mine], [mine, theirs]):
-            world.outboxes.put(waiting)
-            await world.round(postman)
-        world.outboxes.forget_walker(mine.walker, mine.time_utc)
-        later = position(x_m=7.0, time_utc=mine.time_utc + timedelta(seconds=1))
-        world.outboxes.put([later])
-        world.now_s = 60.0
+    postman = world.postman()
+    mine, theirs = position(), position(walker="d" * 32, x_m=9.0)
+    for waiting in ([mine], [mine, theirs]):
+        world.outboxes.put(waiting)
         await world.round(postman)
-
-    asyncio.run(rounds())
+    world.outboxes.forget_walker(mine.walker, mine.time_utc)
+    later = position(x_m=7.0, time_utc=mine.time_utc + timedelta(seconds=1))
+    world.outboxes.put([later])
+    world.now_s = 60.0
+    await world.round(postman)
     assert [each["x_m"] for each in world.got[-1][2]["positions"]] == [9.0, 7.0]
     assert world.outboxes.deliveries_of("h").delivered == 2
 
 
-def test_where_nothing_is_left_nothing_is_posted(position: Made) -> None:
+def test_where_nothing_is_left_nothing_is_posted() -> None:
     world = World()
     world.outboxes.forget_walker("b" * 32, position().time_utc)
     run_rounds(world, [position(time_utc=position().time_utc - timedelta(seconds=9))])
     assert world.got == []
 
 
-def test_a_slow_webhook_keeps_no_other_waiting(position: Made) -> None:
-    async def rounds() -> list[str]:
-        stuck, arrived = asyncio.Event(), []
+@pytest.mark.anyio
+async def test_a_slow_webhook_keeps_no_other_waiting() -> None:
+    stuck, arrived = asyncio.Event(), list[str]()
 
-        async def send(target: Target, *_: object) -> None:
-            if target.host == "slow":
-                await stuck.wait()
-            arrived.append(target.host)
+    async def send(target: Target, *_: object) -> None:
+        if target.host == "slow":
+            await stuck.wait()
+        arrived.append(target.host)
 
-        hooks = [Hook("s", MAP, "http://slow/", SECRET), Hook("q", MAP, "http://quick/", SECRET)]
-        outboxes = Outboxes()
-        postman = WebhookDispatcher(
-            outboxes, lambda _maps: hooks, lambda _target: "93.184.216.34", send
-        )
-        for k in range(2):
-            outboxes.put([position()])
-            while len(arrived) <= k:
-                await postman.dispatch()
-                await asyncio.sleep(0.001)
-        before = list(arrived)
-        stuck.set()
-        await postman.finish()
-        return before
-
-    assert asyncio.run(rounds()) == ["quick", "quick"]
+    hooks = [Hook("s", MAP, "http://slow/", SECRET), Hook("q", MAP, "http://quick/", SECRET)]
+    outboxes = Outboxes()
+    postman = WebhookDispatcher(outboxes, lambda _: hooks, lambda _: "93.184.216.34", send)
+    for k in range(2):
+        outboxes.put([position()])
+        while len(arrived) <= k:
+            await postman.dispatch()
+            await asyncio.sleep(0.001)
+    assert arrived == ["quick", "quick"]
+    stuck.set()
+    await postman.finish()
 
 
-def test_a_deleted_webhook_gets_nothing_more(position: Made) -> None:
+@pytest.mark.anyio
+async def test_a_deleted_webhook_gets_nothing_more() -> None:
     world = World(answers=[DeliveryError("answered 500", is_final=True)])
-
-    async def rounds() -> None:
-        postman = world.postman()
-        for hooks in (world.hooks, world.hooks, []):
-            world.hooks = hooks
-            world.outboxes.put([position()])
-            await world.round(postman)
-        world.now_s = 1000.0
+    postman = world.postman()
+    for hooks, now_s in ((world.hooks, 0.0), (world.hooks, 0.0), ([], 0.0), ([], 1000.0)):
+        world.hooks, world.now_s = hooks, now_s
         world.outboxes.put([position()])
         await world.round(postman)
-
-    asyncio.run(rounds())
     assert len(world.got) == 1
 
 
@@ -271,11 +238,7 @@ class TestTheWholeWay:
         return replace(settings, local_webhooks=True)
 
     def test_positions_arrive_signed(
-        self,
-        owner: TestClient,
-        map_id: str,
-        receiver: Receiver,
-        message: Callable[..., dict[str, Any]],
+        self, owner: Somebody, map_id: str, receiver: Receiver, message: Message
     ) -> None:
         hooks = f"/api/maps/{map_id}/webhooks"
         made = owner.post(hooks, json={"url": receiver.url}).json()
@@ -290,11 +253,7 @@ class TestTheWholeWay:
         assert owner.get(hooks).json()[0]["last_error"] is None
 
     def test_a_receiver_that_is_away_is_said(
-        self,
-        owner: TestClient,
-        map_id: str,
-        receiver: Receiver,
-        message: Callable[..., dict[str, Any]],
+        self, owner: Somebody, map_id: str, receiver: Receiver, message: Message
     ) -> None:
         hooks = f"/api/maps/{map_id}/webhooks"
         receiver.statuses.append(410)
@@ -421,85 +380,67 @@ def test_nobody_there_is_told() -> None:
     assert not refused.value.is_final
 
 
-async def closed(writers: list[asyncio.StreamWriter]) -> None:
-    """Once these are closed."""
-    for writer in writers:
-        writer.close()
-        with contextlib.suppress(OSError):
-            await writer.wait_closed()
+async def posted_to(content: bytes, host: str = "http://127.0.0.1", **more: Any) -> None:
+    """Post to a server that sends this to whoever has sent a head, and then waits or closes."""
+    then_waits, certificate = more.pop("then_waits", True), more.pop("certificate", None)
+    writers: list[asyncio.StreamWriter] = []
 
-
-async def answering(content: bytes, *, then_waits: bool) -> None:
-    """Post to a server that sends this and no more."""
-
-    async def answer(_reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await reader.readuntil(b"\r\n\r\n")
         writer.write(content)
         await writer.drain()
         writers.append(writer)
         if not then_waits:
             writer.close()
 
-    writers: list[asyncio.StreamWriter] = []
-    server = await asyncio.start_server(answer, "127.0.0.1", 0)
+    server = await asyncio.start_server(answer, "127.0.0.1", 0, ssl=certificate)
     port = server.sockets[0].getsockname()[1]
     try:
-        target = target_of(f"http://127.0.0.1:{port}/")
-        await post(target, "127.0.0.1", b"{}", {}, timeout_s=0.2 if then_waits else 60)
+        await post(target_of(f"{host}:{port}/"), "127.0.0.1", b"{}", {}, **more)
     finally:
         server.close()
-        await closed(writers)
+        for writer in writers:
+            writer.close()
+            with contextlib.suppress(OSError):
+                await writer.wait_closed()
 
 
 def test_who_says_nothing_is_left_in_time() -> None:
     with pytest.raises(DeliveryError, match=r"did not answer in 0\.2 s"):
-        asyncio.run(answering(b"HTTP/1.1 200 O", then_waits=True))
+        asyncio.run(posted_to(b"HTTP/1.1 200 O", timeout_s=0.2))
 
 
 @pytest.mark.parametrize("content", [b"", b"HTTP/1.1 2", b"SSH-2.0-OpenSSH\r\n\r\n"])
 def test_who_speaks_no_http_is_told(content: bytes) -> None:
     with pytest.raises(DeliveryError, match=r"cannot be reached|without an answer"):
-        asyncio.run(answering(content, then_waits=False))
+        asyncio.run(posted_to(content, then_waits=False))
 
 
 def test_an_endless_head_is_not_read_to_its_end() -> None:
     with pytest.raises(DeliveryError, match="cannot be reached"):
-        asyncio.run(answering(b"HTTP/1.1 200 OK\r\n" + b"X: y\r\n" * 100_000, then_waits=False))
+        asyncio.run(posted_to(b"HTTP/1.1 200 OK\r\n" + b"X: y\r\n" * 100_000, then_waits=False))
 
 
-def tls_server(name: str) -> tuple[trustme.CA, ssl.SSLContext]:
-    authority, context = trustme.CA(), ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-    authority.issue_cert(name).configure_cert(context)
-    return authority, context
-
-
-async def posted_over_tls(name: str, *, trusted: bool) -> None:
-    authority, context = tls_server(name)
-
-    async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        await reader.readuntil(b"\r\n\r\n")
-        writer.write(b"HTTP/1.1 204 No Content\r\n\r\n")
-        await writer.drain()
-        writers.append(writer)
-
-    writers: list[asyncio.StreamWriter] = []
-    server = await asyncio.start_server(answer, "127.0.0.1", 0, ssl=context)
-    port, tls = server.sockets[0].getsockname()[1], ssl.create_default_context()
+@pytest.mark.parametrize(
+    ("name", "trusted"),
+    [("hooks.invalid", True), ("other.invalid", True), ("hooks.invalid", False)],
+)
+def test_over_tls_the_name_is_verified_not_the_address(name: str, trusted: bool) -> None:
+    authority, certificate = trustme.CA(), ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    authority.issue_cert(name).configure_cert(certificate)
+    tls = ssl.create_default_context()
     if trusted:
         authority.configure_trust(tls)
-    try:
-        target = target_of(f"https://hooks.invalid:{port}/")
-        await post(target, "127.0.0.1", b"{}", {}, tls=tls)
-    finally:
-        server.close()
-        await closed(writers)
-
-
-def test_over_tls_the_name_is_verified_not_the_address() -> None:
-    asyncio.run(posted_over_tls("hooks.invalid", trusted=True))
-    with pytest.raises(DeliveryError, match="cannot be reached"):
-        asyncio.run(posted_over_tls("other.invalid", trusted=True))
-    with pytest.raises(DeliveryError, match="cannot be reached"):
-        asyncio.run(posted_over_tls("hooks.invalid", trusted=False))
+    sent = posted_to(
+        b"HTTP/1.1 204 No Content\r\n\r\n",
+        "https://hooks.invalid",
+        certificate=certificate,
+        tls=tls,
+    )
+    is_good = trusted and name == "hooks.invalid"
+    refused = pytest.raises(DeliveryError, match="cannot be reached")
+    with contextlib.nullcontext() if is_good else refused:
+        asyncio.run(sent)
 
 
 def test_the_receiver_of_the_documentation_checks_what_we_sign() -> None:
@@ -509,24 +450,12 @@ def test_the_receiver_of_the_documentation_checks_what_we_sign() -> None:
     exec(code.rpartition("HTTPServer(")[0], made)  # its class, without the server on port 8000
     made["Receiver"].log_message = lambda *_: None
     body, now_s = b'{"a":1}', int(time.time())
-    with serving(made["Receiver"]) as target:
+    with serving(made["Receiver"]) as url:
         for secret, sent_s, is_good in (
             ("SECRET", now_s, True),
             ("OTHER", now_s, False),
             ("SECRET", now_s - 1000, False),
         ):
-            told = post(target, "127.0.0.1", body, signed_headers(secret, sent_s, body))
+            told = post(target_of(url), "127.0.0.1", body, signed_headers(secret, sent_s, body))
             with contextlib.nullcontext() if is_good else pytest.raises(DeliveryError, match="403"):
                 asyncio.run(told)
-
-
-@contextlib.contextmanager
-def serving(handler: type[BaseHTTPRequestHandler]) -> Iterator[Target]:
-    """A server of requests, as a target."""
-    server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
-    thread = threading.Thread(target=server.serve_forever, args=(0.02,))
-    thread.start()
-    yield target_of(f"http://127.0.0.1:{server.server_port}/")
-    server.shutdown()
-    thread.join()
-    server.server_close()

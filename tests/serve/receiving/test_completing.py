@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import base64
 import io
 import struct
 import tarfile
-import zipfile
-from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
+from damaged_formats import changed_lzma, zip_directory
 from planted_logs import LOGS
-from starlette.testclient import TestClient
 
 from elfslam.data.importing import LogFormat
 from elfslam.serve.parsing.children import Children
@@ -22,57 +19,35 @@ from elfslam.serve.services import Services
 from elfslam.serve.settings import Limits
 from elfslam.serve.store.zips import FILE_NAMES
 from tests.data.foreign_walk import put_back
+from tests.serve.conftest import Somebody
+from tests.serve.uploading import created, recording_of, zipped
 
-TUS = {"Tus-Resumable": "1.0.0"}
-PIECE = {**TUS, "Content-Type": "application/offset+octet-stream"}
 MOST = 3
 
 
-def zipped(path: Path, method: int = zipfile.ZIP_DEFLATED) -> bytes:
-    with zipfile.ZipFile(path, "w", method) as archive:
-        archive.writestr("recording.json", b'{"format_version": 1, "device": "phone"}')
-        archive.writestr("wifi.csv", b"t_s,bssid,rssi_dbm,frequency_mhz,age_s\n" + b"0,a,-50,,0\n")
-    return path.read_bytes()
+ABOUT = '{"format_version": 1, "device": "phone"}'
+WALK = {
+    "recording.json": ABOUT,
+    "wifi.csv": "t_s,bssid,rssi_dbm,frequency_mhz,age_s\n" + "0,a,-50,,0\n",
+}
 
 
-def lzma_with_changed_bytes(path: Path) -> bytes:
-    whole = zipped(path, zipfile.ZIP_LZMA)
-    return whole[:60] + bytes([whole[60] ^ 0xFF]) + whole[61:]
+DAMAGED = {
+    "a byte of LZMA": changed_lzma("recording.json", ABOUT.encode()),
+    "a directory without end": zip_directory(100_000),
+    "a size that lies": zipped(WALK).replace(
+        struct.pack("<L", len(ABOUT)), struct.pack("<L", 9_999_999)
+    ),
+    "half of it": zipped(WALK)[:150],
+}
+"""A tenth of the directory that costs its sender 47 MB is over the limit."""
 
 
-def a_directory_of_a_million(path: Path) -> bytes:
-    """It costs its sender 47 MB; here a tenth is enough to be over the limit."""
-    count = 100_000
-    entry = struct.pack("<4s6H3L5H2L", b"PK\x01\x02", *[0] * 16)
-    size = count * len(entry)
-    ends = (b"PK\x05\x06", 0, 0, count & 0xFFFF, count & 0xFFFF, size, 0, 0)
-    return entry * count + struct.pack("<4s4H2LH", *ends)
-
-
-def a_size_that_lies(path: Path) -> bytes:
-    size = struct.pack("<L", len(b'{"format_version": 1, "device": "phone"}'))
-    return zipped(path).replace(size, struct.pack("<L", 9_999_999))
-
-
-def half(path: Path) -> bytes:
-    return zipped(path)[:150]
-
-
-@pytest.mark.parametrize(
-    "damage", [lzma_with_changed_bytes, a_directory_of_a_million, a_size_that_lies, half]
-)
+@pytest.mark.parametrize("damage", DAMAGED)
 def test_a_hostile_zip_becomes_a_refused_recording(
-    owner: TestClient, services: Services, tmp_path: Path, damage: Callable[[Path], bytes]
+    owner: Somebody, services: Services, damage: str
 ) -> None:
-    data = damage(tmp_path / "walk.zip")
-    name = base64.b64encode(b"walk.zip").decode()
-    told = {"Upload-Metadata": f"filename {name}", "Upload-Length": str(len(data))}
-    made = owner.post("/api/uploads", headers={**PIECE, **told}, content=data)
-    assert made.status_code == 201
-    for _ in range(2):
-        head = owner.head(made.headers["location"], headers=TUS)
-        assert head.status_code in (200, 204)
-    kept = owner.get(f"/api/recordings/{head.headers['elfslam-recording']}").json()
+    kept = owner.get(f"/api/recordings/{recording_of(owner, 'walk.zip', DAMAGED[damage])}").json()
     assert (kept["state"], kept["files"]) == ("refused", [])
     assert kept["refusal"].startswith("the .zip")
     assert str(services.settings.data_folder) not in kept["refusal"]
@@ -88,7 +63,7 @@ def read(tmp_path: Path, name: str = "walk.zip", **limits: float) -> list[Walk]:
 
 
 def test_what_is_in_a_zip_is_read_where_it_was_unpacked(tmp_path: Path) -> None:
-    zipped(tmp_path / "walk.zip")
+    (tmp_path / "walk.zip").write_bytes(zipped(WALK))
     (walk,) = read(tmp_path)
     assert (walk.found.refusal, walk.place) == (None, "walk")
     assert (walk.found.facts["device"], walk.found.facts["sensors"]) == ("phone", ["wifi"])
@@ -97,27 +72,19 @@ def test_what_is_in_a_zip_is_read_where_it_was_unpacked(tmp_path: Path) -> None:
 
 
 def test_a_disk_without_room_is_no_refusal(tmp_path: Path) -> None:
-    zipped(tmp_path / "walk.zip")
-    with pytest.raises(Problem) as full:
+    (tmp_path / "walk.zip").write_bytes(zipped(WALK))
+    with pytest.raises(Problem, match="507: "):
         read(tmp_path, free_bytes=2**62)
-    assert full.value.status_code == 507
 
 
 def test_a_zip_that_is_cut_off_while_unpacking_leaves_no_file(tmp_path: Path) -> None:
     """Its second file is damaged: the first is none of the recording's either."""
-    whole = zipped(tmp_path / "walk.zip")
+    whole = zipped(WALK)
     at = whole.index(b"wifi.csv") + 12
     (tmp_path / "walk.zip").write_bytes(whole[:at] + b"\xff\xff\xff" + whole[at + 3 :])
     (walk,) = read(tmp_path)
     assert "not whole" in str(walk.found.refusal)
     assert walk.place is None
-
-
-def packed(path: Path, files: Mapping[str, str]) -> Path:
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, text in files.items():
-            archive.writestr(name, text)
-    return path
 
 
 MALL = "".join(
@@ -135,7 +102,7 @@ def test_a_log_of_another_program_becomes_a_recording(
     if log_format is LogFormat.GETSENSORDATA:
         (tmp_path / "walk.zip").write_text(files["walk.txt"])
     else:
-        packed(tmp_path / "walk.zip", files)
+        (tmp_path / "walk.zip").write_bytes(zipped(files))
     (walk,) = read(tmp_path)
     assert walk.found.refusal is None
     assert walk.found.facts["imported"] == log_format
@@ -148,7 +115,7 @@ def test_a_log_of_another_program_becomes_a_recording(
 
 
 def test_what_was_noted_of_a_log_is_told_with_its_recording(tmp_path: Path) -> None:
-    packed(tmp_path / "walk.zip", put_back(60))
+    (tmp_path / "walk.zip").write_bytes(zipped(put_back(60)))
     (walk,) = read(tmp_path)
     assert walk.found.facts["damaged_lines"] == 0
     assert walk.found.facts["notes"][0].startswith("the clock was put back by 59.99 s at 7.99 s")
@@ -165,7 +132,7 @@ def test_what_was_noted_of_a_log_is_told_with_its_recording(tmp_path: Path) -> N
 )
 def test_what_a_log_may_cost(tmp_path: Path, limits: dict[str, float], words: str) -> None:
     long_line = "1600\tTYPE_OTHER\t" + "9" * 2**26 + "\n" if "reading_bytes" in limits else ""
-    packed(tmp_path / "walk.zip", {"walk.txt": MALL + long_line})
+    (tmp_path / "walk.zip").write_bytes(zipped({"walk.txt": MALL + long_line}))
     (walk,) = read(tmp_path, **limits)
     assert words in str(walk.found.refusal)
     assert str(tmp_path) not in str(walk.found.refusal)
@@ -173,10 +140,9 @@ def test_what_a_log_may_cost(tmp_path: Path, limits: dict[str, float], words: st
 
 
 def test_a_log_for_which_the_disk_has_no_room_is_no_refusal(tmp_path: Path) -> None:
-    packed(tmp_path / "walk.zip", {"walk.txt": MALL})
-    with pytest.raises(Problem) as full:
+    (tmp_path / "walk.zip").write_bytes(zipped({"walk.txt": MALL}))
+    with pytest.raises(Problem, match="507: "):
         read(tmp_path, free_bytes=2**62)
-    assert full.value.status_code == 507
 
 
 def test_what_all_walks_of_an_archive_may_become(tmp_path: Path) -> None:
@@ -192,27 +158,14 @@ def test_what_all_walks_of_an_archive_may_become(tmp_path: Path) -> None:
 
 
 def test_more_walks_than_are_taken_are_refused(tmp_path: Path) -> None:
-    packed(tmp_path / "walk.zip", {f"{k}.txt": MALL for k in range(MOST + 1)})
+    (tmp_path / "walk.zip").write_bytes(zipped({f"{k}.txt": MALL for k in range(MOST + 1)}))
     (walk,) = read(tmp_path)
     assert "holds more than 3 walks" in str(walk.found.refusal)
 
 
-def sent(owner: TestClient, name: str, data: bytes) -> str:
-    """The recording that came of a file, the first of several."""
-    told = f"filename {base64.b64encode(name.encode()).decode()}"
-    headers = {**PIECE, "Upload-Metadata": told, "Upload-Length": str(len(data))}
-    made = owner.post("/api/uploads", headers=headers, content=data)
-    assert made.status_code == 201, made.text
-    head = owner.head(made.headers["location"], headers=TUS)
-    assert head.headers["elfslam-recording"] == made.headers["elfslam-recording"]
-    return str(made.headers["elfslam-recording"])
-
-
-def test_each_walk_of_a_file_becomes_a_recording_with_its_name(
-    owner: TestClient, services: Services, tmp_path: Path
-) -> None:
-    data = packed(tmp_path / "w.zip", {"one.txt": MALL, "two.txt": "1\tTYPE_X\t1\n"}).read_bytes()
-    first = sent(owner, "walks.zip", data)
+def test_each_walk_of_a_file_becomes_a_recording_with_its_name(owner: Somebody) -> None:
+    data = zipped({"one.txt": MALL, "two.txt": "1\tTYPE_X\t1\n"})
+    first = recording_of(owner, "walks.zip", data)
     kept = {each["name"]: each for each in owner.get("/api/recordings").json()}
     assert {name: each["state"] for name, each in kept.items()} == {
         "one": "ready",
@@ -222,25 +175,24 @@ def test_each_walk_of_a_file_becomes_a_recording_with_its_name(
     assert kept["two"]["refusal"].startswith("two.txt: has no TYPE_ACCELEROMETER records")
     jobs = [job["given"]["recording"] for job in owner.get("/api/jobs").json()]
     assert jobs == [first], "what was refused is not mapped"
-    assert list(services.settings.work_folder.iterdir()) == []
-    assert list(services.settings.uploads_folder.iterdir()) == []
+    assert list(owner.services.settings.work_folder.iterdir()) == []
+    assert list(owner.services.settings.uploads_folder.iterdir()) == []
 
 
 def test_a_file_that_must_wait_too_long_leaves_no_upload(
-    owner: TestClient, services: Services, monkeypatch: pytest.MonkeyPatch
+    owner: Somebody, services: Services, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whoever sent it was not told where it lies, and sends it again."""
 
     async def refuse(*_: object) -> None:
         raise Problem(429, "others are being read")
 
-    told = f"filename {base64.b64encode(b'walk.txt').decode()}"
-    headers = {**PIECE, "Upload-Metadata": told, "Upload-Length": str(len(MALL))}
     with monkeypatch.context() as patch:
         patch.setattr(services.reading, "run", refuse)
-        assert owner.post("/api/uploads", headers=headers, content=MALL).status_code == 429
+        refused = created(owner, len(MALL), MALL.encode(), filename="walk.txt")
+        assert refused.status_code == 429
         assert list(services.settings.uploads_folder.iterdir()) == []
-    sent(owner, "walk.txt", MALL.encode())
+    recording_of(owner, "walk.txt", MALL.encode())
     assert len(owner.get("/api/recordings").json()) == 1
 
 
@@ -253,23 +205,19 @@ def test_a_file_that_must_wait_too_long_leaves_no_upload(
         (".txt.txt", "txt"),
     ],
 )
-def test_a_walk_is_called_as_its_file(owner: TestClient, name: str, kept: str) -> None:
-    told = owner.get(f"/api/recordings/{sent(owner, name, MALL.encode())}").json()
+def test_a_walk_is_called_as_its_file(owner: Somebody, name: str, kept: str) -> None:
+    told = owner.get(f"/api/recordings/{recording_of(owner, name, MALL.encode())}").json()
     assert (told["name"], told["state"]) == (kept.lstrip("."), "ready")
 
 
-def test_sound_of_a_program_that_plays_no_chirps_is_mapped_by_motion(
-    owner: TestClient, tmp_path: Path
-) -> None:
-    told = sent(owner, "walk.txt", MALL.encode())
+def test_sound_of_a_program_that_plays_no_chirps_is_mapped_by_motion(owner: Somebody) -> None:
+    told = recording_of(owner, "walk.txt", MALL.encode())
     (job,) = owner.get("/api/jobs").json()
     assert job["given"] == {"recording": told, "by": ["motion"]}
 
 
-def test_what_ends_in_nothing_known_is_not_begun(owner: TestClient) -> None:
+def test_what_ends_in_nothing_known_is_not_begun(owner: Somebody) -> None:
     for name in ("walk.pdf", "walk.csv", "walk", "audio.flac", ".zi"):
-        told = f"filename {base64.b64encode(name.encode()).decode()}"
-        headers = {**TUS, "Upload-Metadata": told, "Upload-Length": "1"}
-        answer = owner.post("/api/uploads", headers=headers)
+        answer = created(owner, 1, filename=name)
         assert answer.status_code == 400, name
         assert ".tar.xz" in answer.json()["detail"]

@@ -2,114 +2,76 @@
 
 from __future__ import annotations
 
-import base64
-from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import soundfile
-from starlette.testclient import TestClient
 
-from elfslam.serve.app import create_app
 from elfslam.serve.parsing.children import Children
-from elfslam.serve.people.access import new_token
-from elfslam.serve.people.users import set_owner_token
 from elfslam.serve.problems import Problem
 from elfslam.serve.receiving.reader import read_apart
-from elfslam.serve.services import open_services
-from elfslam.serve.settings import Limits, ServerSettings
-
-TUS = {"Tus-Resumable": "1.0.0"}
-PIECE = {**TUS, "Content-Type": "application/offset+octet-stream"}
-Limited = Callable[..., TestClient]
+from elfslam.serve.settings import Limits
+from tests.serve.conftest import Somebody, allow
+from tests.serve.uploading import append, begun, created
 
 
-@pytest.fixture
-def limited(settings: ServerSettings) -> Iterator[Limited]:
-    """Makes the client of an owner with these limits."""
-    engines = []
-
-    def make(**limits: int) -> TestClient:
-        app, token = (
-            create_app(open_services(replace(settings, limits=Limits(**limits)))),
-            new_token(),
-        )
-        engines.append(app.state.services.engine)
-        set_owner_token(app.state.services, token)
-        mine = {"Authorization": f"Bearer {token}"}
-        return TestClient(app, client=("127.0.0.1", 1), base_url="http://127.0.0.1", headers=mine)
-
-    yield make
-    for engine in engines:
-        engine.dispose()
+def upload(client: Somebody, walk: str, name: str = "wifi.csv") -> str:
+    return str(created(client, recording=walk, filename=name).headers["location"])
 
 
-def begun(client: TestClient) -> str:
-    return str(client.post("/api/recordings", json={"name": "walk"}).json()["id"])
+def status(client: Somebody, walk: str, name: str = "wifi.csv", length: int | None = None) -> int:
+    """What comes of beginning an upload."""
+    return created(client, length, recording=walk, filename=name).status_code
 
 
-def upload(client: TestClient, walk: str, name: str = "wifi.csv", **length: str) -> tuple[int, str]:
-    pairs = {"recording": walk, "filename": name}
-    told = ",".join(f"{k} {base64.b64encode(v.encode()).decode()}" for k, v in pairs.items())
-    headers = {**TUS, "Upload-Metadata": told, **(length or {"Upload-Defer-Length": "1"})}
-    answer = client.post("/api/uploads", headers=headers)
-    return answer.status_code, answer.headers.get("location", "")
+def test_a_file_has_a_size(owner: Somebody) -> None:
+    allow(owner.services, file_bytes=1000)
+    walk = begun(owner)
+    assert status(owner, walk, length=1001) == 413
+    place = upload(owner, walk)
+    assert append(owner, place, 0, bytes(900)).status_code == 204
+    assert append(owner, place, 900, bytes(101)).status_code == 413
+    assert append(owner, place, 900, bytes(100)).status_code == 204
 
 
-def append(client: TestClient, place: str, offset: int, size: int) -> int:
-    headers = {**PIECE, "Upload-Offset": str(offset)}
-    return client.patch(place, headers=headers, content=bytes(size)).status_code
+def test_a_recording_has_a_size(owner: Somebody) -> None:
+    allow(owner.services, recording_bytes=1000)
+    walk = begun(owner)
+    first, second = upload(owner, walk), upload(owner, walk, "emr.csv")
+    assert append(owner, first, 0, bytes(800)).status_code == 204
+    assert append(owner, second, 0, bytes(300)).status_code == 413
+    assert append(owner, second, 0, bytes(200)).status_code == 204
+    assert append(owner, upload(owner, begun(owner)), 0, bytes(800)).status_code == 204
 
 
-def test_a_file_has_a_size(limited: Limited) -> None:
-    client = limited(file_bytes=1000)
-    walk = begun(client)
-    assert upload(client, walk, **{"Upload-Length": "1001"})[0] == 413
-    _, place = upload(client, walk)
-    assert append(client, place, 0, 900) == 204
-    assert append(client, place, 900, 101) == 413
-    assert append(client, place, 900, 100) == 204
+def test_a_user_has_a_size(owner: Somebody) -> None:
+    allow(owner.services, user_bytes=1000)
+    first, second = begun(owner), begun(owner)
+    assert append(owner, upload(owner, first), 0, bytes(800)).status_code == 204
+    assert status(owner, second, length=300) == 413
+    assert owner.get("/api/me").json()["used_bytes"] == 800
+    assert owner.delete(f"/api/recordings/{first}").status_code == 204
+    assert status(owner, second, length=300) == 201
 
 
-def test_a_recording_has_a_size(limited: Limited) -> None:
-    client = limited(recording_bytes=1000)
-    walk = begun(client)
-    first, second = upload(client, walk)[1], upload(client, walk, "emr.csv")[1]
-    assert append(client, first, 0, 800) == 204
-    assert append(client, second, 0, 300) == 413
-    assert append(client, second, 0, 200) == 204
-    assert append(client, upload(client, begun(client))[1], 0, 800) == 204
-
-
-def test_a_user_has_a_size(limited: Limited) -> None:
-    client = limited(user_bytes=1000)
-    first, second = begun(client), begun(client)
-    assert append(client, upload(client, first)[1], 0, 800) == 204
-    assert upload(client, second, **{"Upload-Length": "300"})[0] == 413
-    assert client.get("/api/me").json()["used_bytes"] == 800
-    assert client.delete(f"/api/recordings/{first}").status_code == 204
-    assert upload(client, second, **{"Upload-Length": "300"})[0] == 201
-
-
-def test_counts_have_an_end(limited: Limited) -> None:
-    client = limited(recordings=2, open_uploads=2, users=2)
-    walk = begun(client)
-    assert client.post("/api/recordings", json={"name": "w"}).status_code == 201
-    assert client.post("/api/recordings", json={"name": "w"}).status_code == 409
-    codes = [upload(client, walk, name)[0] for name in ("wifi.csv", "emr.csv", "audio.wav")]
+def test_counts_have_an_end(owner: Somebody) -> None:
+    allow(owner.services, recordings=2, open_uploads=2, users=2)
+    walk = begun(owner)
+    assert owner.post("/api/recordings", json={"name": "w"}).status_code == 201
+    assert owner.post("/api/recordings", json={"name": "w"}).status_code == 409
+    codes = [status(owner, walk, name) for name in ("wifi.csv", "emr.csv", "audio.wav")]
     assert codes == [201, 201, 409]
-    assert client.post("/api/users", json={"name": "a"}).status_code == 201
-    assert client.post("/api/users", json={"name": "b"}).status_code == 409
+    assert owner.post("/api/users", json={"name": "a"}).status_code == 201
+    assert owner.post("/api/users", json={"name": "b"}).status_code == 409
 
 
-def test_requests_that_are_no_uploads_are_small(limited: Limited) -> None:
-    client = limited(request_bytes=100)
-    assert client.post("/api/recordings", json={"name": "w" * 110}).status_code == 413
+def test_requests_that_are_no_uploads_are_small(owner: Somebody) -> None:
+    allow(owner.services, request_bytes=100)
+    assert owner.post("/api/recordings", json={"name": "w" * 110}).status_code == 413
     pieces = (b'{"name": "', b"w" * 110, b'"}')
     sent = {"Content-Type": "application/json"}
-    answer = client.post("/api/recordings", content=iter(pieces), headers=sent)
+    answer = owner.post("/api/recordings", content=iter(pieces), headers=sent)
     assert answer.status_code == 413
 
 

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import base64
 import hashlib
 import io
-import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +12,6 @@ import numpy as np
 import pytest
 import soundfile
 from sqlalchemy import select
-from starlette.testclient import TestClient
 
 from elfslam.data.recordings import read_recording
 from elfslam.serve.problems import Problem
@@ -24,35 +21,11 @@ from elfslam.serve.services import Services
 from elfslam.serve.store.blobs import blob_of
 from elfslam.serve.store.database import reading, transaction
 from elfslam.serve.store.tables import Job, JobKind, Map
+from studies.benchmarks.served import TUS
+from tests.serve.conftest import DATABASES, Somebody
+from tests.serve.uploading import begun, created, recording_of, send_all, zipped
 
-TUS = {"Tus-Resumable": "1.0.0"}
-PIECE = {**TUS, "Content-Type": "application/offset+octet-stream"}
 Files = Mapping[str, bytes]
-BOTH = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
-
-
-def coded(text: str) -> str:
-    return base64.b64encode(text.encode()).decode()
-
-
-def begun(client: TestClient, name: str = "walk", **more: Any) -> str:
-    answer = client.post("/api/recordings", json={"name": name, **more})
-    assert answer.status_code == 201
-    assert answer.json()["state"] == "receiving"
-    return str(answer.json()["id"])
-
-
-def send(client: TestClient, told: str, data: bytes) -> str:
-    """One file whole, with its creation; its address."""
-    headers = {**PIECE, "Upload-Metadata": told, "Upload-Length": str(len(data))}
-    answer = client.post("/api/uploads", headers=headers, content=data)
-    assert answer.status_code == 201, answer.text
-    return str(answer.headers["location"])
-
-
-def send_all(client: TestClient, recording: str, files: Files) -> None:
-    for name, data in files.items():
-        send(client, f"recording {coded(recording)},filename {coded(name)}", data)
 
 
 def completion(files: Files, **more: Any) -> dict[str, Any]:
@@ -70,21 +43,13 @@ def jobs(services: Services) -> list[Job]:
         return list(session.scalars(select(Job)))
 
 
-def zipped(files: Files, folder: str = "") -> bytes:
-    made = io.BytesIO()
-    with zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in files.items():
-            archive.writestr(folder + name, data)
-    return made.getvalue()
-
-
 def blobs_of(services: Services) -> list[Path]:
     return list(services.settings.blobs_folder.glob("*/*"))
 
 
-@BOTH
+@DATABASES
 def test_a_walk_goes_in_and_comes_out(
-    owner: TestClient, guest: TestClient, services: Services, walk_files: Files, tmp_path: Path
+    owner: Somebody, guest: Somebody, services: Services, walk_files: Files, tmp_path: Path
 ) -> None:
     name = begun(owner, device="phone", start_pose=[1, 2, 0.5])
     send_all(owner, name, walk_files)
@@ -126,7 +91,7 @@ def test_a_walk_goes_in_and_comes_out(
 
 
 def test_what_two_share_stays_until_both_are_gone(
-    owner: TestClient, guest: TestClient, services: Services, walk_files: Files
+    owner: Somebody, guest: Somebody, services: Services, walk_files: Files
 ) -> None:
     names = []
     for client in (owner, guest):
@@ -138,15 +103,14 @@ def test_what_two_share_stays_until_both_are_gone(
     assert len(blobs_of(services)) == len(walk_files)
     owner.delete(f"/api/recordings/{names[0]}")
     assert len(blobs_of(services)) == len(walk_files)
-    theirs = guest.get("/api/me").json()["id"]
+    theirs = guest.id
     assert owner.delete(f"/api/users/{theirs}").status_code == 204
     assert blobs_of(services) == []
 
 
-def test_what_is_missing_is_said(owner: TestClient, walk_files: Files) -> None:
+def test_what_is_missing_is_said(owner: Somebody, walk_files: Files) -> None:
     name = begun(owner)
-    told = f"recording {coded(name)},filename {coded('recording.json')}"
-    send(owner, told, walk_files["recording.json"][:-1])
+    send_all(owner, name, {"recording.json": walk_files["recording.json"][:-1]})
     wanted = completion({"recording.json": walk_files["recording.json"]})
     answer = owner.post(f"/api/recordings/{name}/complete", json=wanted)
     assert answer.status_code == 409
@@ -155,9 +119,9 @@ def test_what_is_missing_is_said(owner: TestClient, walk_files: Files) -> None:
     assert owner.get(f"/api/recordings/{name}").json()["state"] == "receiving"
 
 
-def test_a_file_that_came_changed_is_said(owner: TestClient, services: Services) -> None:
+def test_a_file_that_came_changed_is_said(owner: Somebody, services: Services) -> None:
     name = begun(owner)
-    send(owner, f"recording {coded(name)},filename {coded('recording.json')}", b"{}")
+    send_all(owner, name, {"recording.json": b"{}"})
     answer = owner.post(
         f"/api/recordings/{name}/complete", json=completion({"recording.json": b"[]"})
     )
@@ -167,7 +131,7 @@ def test_a_file_that_came_changed_is_said(owner: TestClient, services: Services)
 
 
 def test_what_cannot_be_read_is_refused_in_the_readers_words(
-    owner: TestClient, services: Services, walk_files: Files
+    owner: Somebody, services: Services, walk_files: Files
 ) -> None:
     name = begun(owner)
     files = {**walk_files, "gyroscope.csv": walk_files["gyroscope.csv"].replace(b"t_s,x", b"t_s,q")}
@@ -184,7 +148,7 @@ def test_what_cannot_be_read_is_refused_in_the_readers_words(
     assert jobs(services) == []
 
 
-def test_a_wrong_rate_is_refused(owner: TestClient) -> None:
+def test_a_wrong_rate_is_refused(owner: Somebody) -> None:
     sound = io.BytesIO()
     soundfile.write(sound, np.zeros(22_050), 22_050, format="WAV")
     files = {"recording.json": b'{"format_version": 1}', "audio.wav": sound.getvalue()}
@@ -195,7 +159,7 @@ def test_a_wrong_rate_is_refused(owner: TestClient) -> None:
     assert "22050" in answer.json()["detail"]
 
 
-def test_names_and_completions_that_are_none(owner: TestClient) -> None:
+def test_names_and_completions_that_are_none(owner: Somebody) -> None:
     poses = (b"[1e999, 0, 0]", b"[NaN, 0, 0]", b"[1, 2]")
     names = (b"\\ud800", b"a\\u0000b", b"  ", b"walk\\u202e", b"w" * 200)
     bodies = [b'{"name": "' + name + b'"}' for name in names]
@@ -215,19 +179,18 @@ def test_names_and_completions_that_are_none(owner: TestClient) -> None:
         assert answer.status_code == 422, files
 
 
-@BOTH
-def test_a_name_is_only_a_name(owner: TestClient) -> None:
+@DATABASES
+def test_a_name_is_only_a_name(owner: Somebody) -> None:
     name = "Robert'); DROP TABLE recordings;-- ../../é"
     begun(owner, name=name)
     assert [mine["name"] for mine in owner.get("/api/recordings").json()] == [name]
 
 
-@BOTH
-def test_a_whole_recording_as_a_zip(
-    owner: TestClient, services: Services, walk_files: Files
-) -> None:
-    place = send(owner, f"filename {coded('Café, 2.zip')}", zipped(walk_files, "walk/"))
-    head = owner.head(place, headers=TUS).headers
+@DATABASES
+def test_a_whole_recording_as_a_zip(owner: Somebody, services: Services, walk_files: Files) -> None:
+    packed = zipped(walk_files, "walk/")
+    upload = created(owner, len(packed), packed, filename="Café, 2.zip").headers
+    head = owner.head(upload["location"], headers=TUS).headers
     assert head["upload-offset"] == head["upload-length"]
     made = owner.get(f"/api/recordings/{head['elfslam-recording']}").json()
     assert (made["state"], made["device"]) == ("ready", "test phone")
@@ -236,14 +199,10 @@ def test_a_whole_recording_as_a_zip(
     assert list(services.settings.uploads_folder.iterdir()) == []
 
 
-def test_a_zip_whose_recording_was_not_made_before_a_kill(
-    owner: TestClient, services: Services
-) -> None:
+def test_a_zip_whose_recording_was_not_made_before_a_kill(owner: Somebody) -> None:
     data = b"PK\x03\x04 not quite"
-    told = {"Upload-Metadata": f"filename {coded('w.zip')}", "Upload-Length": str(len(data))}
-    headers = {**TUS, **told}
-    place = owner.post("/api/uploads", headers=headers).headers["location"]
-    (services.settings.uploads_folder / place.rpartition("/")[2]).write_bytes(data)
+    place = created(owner, len(data), filename="w.zip").headers["location"]
+    (owner.services.settings.uploads_folder / place.rpartition("/")[2]).write_bytes(data)
     first = owner.head(place, headers=TUS).headers["elfslam-recording"]
     assert owner.head(place, headers=TUS).headers["elfslam-recording"] == first
     [kept] = owner.get("/api/recordings").json()
@@ -251,7 +210,7 @@ def test_a_zip_whose_recording_was_not_made_before_a_kill(
     assert "not whole" in kept["refusal"]
 
 
-@BOTH
+@DATABASES
 def test_a_recording_deleted_while_it_is_kept_leaves_nothing(services: Services) -> None:
     path = services.settings.uploads_folder / "x"
     path.write_bytes(b"x")
@@ -265,7 +224,7 @@ def test_a_recording_deleted_while_it_is_kept_leaves_nothing(services: Services)
     assert blobs_of(services) == []
 
 
-def test_a_recording_is_renamed(owner: TestClient, guest: TestClient) -> None:
+def test_a_recording_is_renamed(owner: Somebody, guest: Somebody) -> None:
     name = begun(owner)
     address = f"/api/recordings/{name}"
     assert owner.patch(address, json={"name": " Flur "}).json()["name"] == "Flur"
@@ -275,16 +234,16 @@ def test_a_recording_is_renamed(owner: TestClient, guest: TestClient) -> None:
     assert owner.get(address).json()["name"] == "Flur"
 
 
-@BOTH
+@DATABASES
 def test_many_recordings_are_deleted_at_once_with_what_came_of_them_alone(
-    owner: TestClient, guest: TestClient, services: Services, put_map: Callable[..., str]
+    owner: Somebody, guest: Somebody, services: Services
 ) -> None:
     mine, theirs = [begun(owner, f"walk {k}") for k in range(4)], begun(guest)
-    alone = put_map(owner, "alone", sources=mine[:1])
-    both = put_map(owner, "both", sources=mine[1:3])
-    more = put_map(owner, "more", sources=mine[2:])
+    alone = owner.put_map("alone", sources=mine[:1])
+    both = owner.put_map("both", sources=mine[1:3])
+    more = owner.put_map("more", sources=mine[2:])
     with transaction(services.sessions) as session:
-        user_id = owner.get("/api/me").json()["id"]
+        user_id = owner.id
         for each in mine:
             session.add(Job(user_id=user_id, kind=JobKind.MAP, given={"recording": each}))
     sent = {"ids": [*mine[:3], theirs, "0" * 32]}
@@ -300,17 +259,16 @@ def test_many_recordings_are_deleted_at_once_with_what_came_of_them_alone(
 
 
 @pytest.fixture
-def kept(owner: TestClient, walk_files: dict[str, bytes]) -> str:
+def kept(owner: Somebody, walk_files: Files) -> str:
     """The address of a small recording with sound and motion."""
     return sent(owner, walk_files)
 
 
-def sent(client: TestClient, files: dict[str, bytes]) -> str:
-    place = send(client, f"filename {coded('walk.zip')},map {coded('false')}", zipped(files))
-    return f"/api/recordings/{client.head(place, headers=TUS).headers['elfslam-recording']}"
+def sent(client: Somebody, files: dict[str, bytes]) -> str:
+    return f"/api/recordings/{recording_of(client, 'walk.zip', zipped(files), map='false')}"
 
 
-def test_curves_and_rates_are_told(owner: TestClient, kept: str) -> None:
+def test_curves_and_rates_are_told(owner: Somebody, kept: str) -> None:
     answer = owner.get(f"{kept}/sensors")
     assert answer.status_code == 200
     told = answer.json()
@@ -320,7 +278,7 @@ def test_curves_and_rates_are_told(owner: TestClient, kept: str) -> None:
 
 
 def test_what_did_not_change_is_not_read_again(
-    owner: TestClient, kept: str, monkeypatch: pytest.MonkeyPatch
+    owner: Somebody, kept: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tag = owner.get(f"{kept}/sensors").headers["etag"]
     monkeypatch.setattr("elfslam.serve.receiving.recordings.SENSORS", "elfslam.no_such:parse")
@@ -329,9 +287,7 @@ def test_what_did_not_change_is_not_read_again(
     assert owner.get(f"{kept}/sensors").status_code == 503
 
 
-def test_each_file_comes_as_it_was(
-    owner: TestClient, kept: str, walk_files: dict[str, bytes]
-) -> None:
+def test_each_file_comes_as_it_was(owner: Somebody, kept: str, walk_files: Files) -> None:
     for name, data in walk_files.items():
         answer = owner.get(f"{kept}/files/{name}")
         assert (answer.status_code, answer.content) == (200, data)
@@ -342,7 +298,7 @@ def test_each_file_comes_as_it_was(
 
 
 def test_what_is_no_file_of_it_is_not_found_and_nobody_else_sees_any(
-    owner: TestClient, guest: TestClient, kept: str
+    owner: Somebody, guest: Somebody, kept: str
 ) -> None:
     for name in ("wifi.csv", "..%2Faudio.flac", "recording.json%00", "x" * 300):
         assert owner.get(f"{kept}/files/{name}").status_code == 404, name
@@ -350,11 +306,8 @@ def test_what_is_no_file_of_it_is_not_found_and_nobody_else_sees_any(
     assert guest.get(f"{kept}/files/accelerometer.csv").status_code == 404
 
 
-def test_what_is_not_there_yet_or_was_refused_says_so(
-    owner: TestClient, services: Services, walk_files: dict[str, bytes]
-) -> None:
-    begun = owner.post("/api/recordings", json={"name": "walk"}).json()["id"]
-    assert owner.get(f"/api/recordings/{begun}/sensors").status_code == 409
+def test_what_is_not_there_yet_or_was_refused_says_so(owner: Somebody, walk_files: Files) -> None:
+    assert owner.get(f"/api/recordings/{begun(owner)}/sensors").status_code == 409
     nothing = sent(owner, {"notes.txt": b"hello"})
     answer = owner.get(f"{nothing}/sensors")
     assert answer.status_code == 409
@@ -363,4 +316,4 @@ def test_what_is_not_there_yet_or_was_refused_says_so(
     answer = owner.get(f"{damaged}/sensors")
     assert answer.status_code == 409
     assert answer.json()["detail"].startswith("gyroscope.csv: row 2")
-    assert list(services.settings.work_folder.iterdir()) == []
+    assert list(owner.services.settings.work_folder.iterdir()) == []

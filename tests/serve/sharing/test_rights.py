@@ -9,7 +9,6 @@ from typing import Any
 import httpx
 import pytest
 from fastapi import FastAPI
-from starlette.testclient import TestClient
 
 from elfslam.base.errors import InputError
 from elfslam.serve.jobs import queue
@@ -18,10 +17,9 @@ from elfslam.serve.services import Services
 from elfslam.serve.sharing.rights import WITHDRAWN, Principal, Right, right_to
 from elfslam.serve.store.database import transaction
 from elfslam.serve.store.quota import delete_user
-from elfslam.serve.store.tables import Map, MapLink, MapShare, Recording, RecordingState
+from elfslam.serve.store.tables import Map, MapLink, MapShare
+from tests.serve.conftest import DATABASES, Somebody
 
-LetIn = Callable[[str], TestClient]
-PutMap = Callable[..., str]
 PNG = {"headers": {"Content-Type": "image/png"}, "content": b"no picture"}
 NO_POINTS = {"json": {"version": "", "points": []}}
 PLACED = {"json": {"width_m": 1, "x_m": 0, "y_m": 0}}
@@ -75,17 +73,12 @@ ROLES = {
 }
 
 
-def id_of(client: TestClient) -> str:
-    return str(client.get("/api/me").json()["id"])
-
-
-def shared_with(ada: TestClient, map_id: str, other: TestClient, may: str = "read") -> TestClient:
-    address = f"/api/maps/{map_id}/shares/{id_of(other)}"
-    assert ada.put(address, json={"may": may}).status_code == 200
+def shared_with(ada: Somebody, map_id: str, other: Somebody, may: str = "read") -> Somebody:
+    assert ada.share(map_id, other, may).status_code == 200
     return other
 
 
-def linked(ada: TestClient, map_id: str, client: TestClient, may: str = "read") -> TestClient:
+def linked(ada: Somebody, map_id: str, client: Somebody, may: str = "read") -> Somebody:
     """That client, once it has opened the link of a map."""
     told = ada.put(f"/api/maps/{map_id}/link", json={"may": may}).json()["link"]
     link = told["url"].partition("#link=")[2].partition("&")[0]
@@ -104,16 +97,11 @@ def was_let_in(answer: httpx.Response) -> bool:
 
 @pytest.fixture
 def client_in(
-    role: str,
-    owner: TestClient,
-    let_in: LetIn,
-    passer_by: Callable[[], TestClient],
-    put_map: PutMap,
-) -> tuple[TestClient, str]:
+    ada: Somebody, eve: Somebody, role: str, owner: Somebody, passer_by: Callable[[], Somebody]
+) -> tuple[Somebody, str]:
     """Somebody in a role, and the map that it is about."""
-    ada, eve = let_in("Ada"), let_in("Eve")
-    map_id = put_map(ada)
-    clients: dict[str, Callable[[], TestClient]] = {
+    map_id = ada.put_map()
+    clients: dict[str, Callable[[], Somebody]] = {
         "owner": lambda: ada,
         "editor": lambda: shared_with(ada, map_id, eve, "edit"),
         "reader": lambda: shared_with(ada, map_id, eve),
@@ -127,38 +115,38 @@ def client_in(
             ada, map_id, grouped(ada, map_id, eve, "edit")
         ),
         "taken out of the group": lambda: taken_out(ada, map_id, eve),
-        "in a group of another map": lambda: grouped(ada, put_map(ada), eve, "edit"),
+        "in a group of another map": lambda: grouped(ada, ada.put_map(), eve, "edit"),
         "another user": lambda: eve,
         "owner of the server": lambda: owner,
         "withdrawn link": lambda: withdrawn(ada, map_id, passer_by()),
-        "link of another map": lambda: with_cookie_of(ada, put_map(ada), map_id, passer_by()),
+        "link of another map": lambda: with_cookie_of(ada, ada.put_map(), map_id, passer_by()),
         "nobody": passer_by,
     }
     return clients[role](), map_id
 
 
-def grouped(ada: TestClient, map_id: str, other: TestClient, may: str = "read") -> TestClient:
+def grouped(ada: Somebody, map_id: str, other: Somebody, may: str = "read") -> Somebody:
     """Somebody who is in a group with which a map is shared."""
-    made = ada.post("/api/groups", json={"name": "Guards", "members": [id_of(other)]}).json()
+    made = ada.post("/api/groups", json={"name": "Guards", "members": [other.id]}).json()
     address = f"/api/maps/{map_id}/groups/{made['id']}"
     assert ada.put(address, json={"may": may}).status_code == 200
     return other
 
 
-def taken_out(ada: TestClient, map_id: str, other: TestClient) -> TestClient:
+def taken_out(ada: Somebody, map_id: str, other: Somebody) -> Somebody:
     grouped(ada, map_id, other)
     [group] = ada.get("/api/groups").json()
     ada.put(f"/api/groups/{group['id']}", json={"name": "Guards", "members": []}).raise_for_status()
     return other
 
 
-def withdrawn(ada: TestClient, map_id: str, client: TestClient) -> TestClient:
+def withdrawn(ada: Somebody, map_id: str, client: Somebody) -> Somebody:
     linked(ada, map_id, client)
     assert ada.delete(f"/api/maps/{map_id}/link").status_code == 204
     return client
 
 
-def with_cookie_of(ada: TestClient, other_id: str, map_id: str, client: TestClient) -> TestClient:
+def with_cookie_of(ada: Somebody, other_id: str, map_id: str, client: Somebody) -> Somebody:
     """A browser sends the cookie to its own map alone; who means harm sends it anywhere."""
     ada.put(f"/api/maps/{map_id}/link", **EDIT).raise_for_status()
     linked(ada, other_id, client)
@@ -169,7 +157,7 @@ def with_cookie_of(ada: TestClient, other_id: str, map_id: str, client: TestClie
 
 
 @pytest.mark.parametrize("role", ROLES)
-def test_every_role_on_every_route(client_in: tuple[TestClient, str], role: str) -> None:
+def test_every_role_on_every_route(client_in: tuple[Somebody, str], role: str) -> None:
     client, map_id = client_in
     for (method, path), (wanted, sent) in ROUTES.items():
         told = path.format(to="tum", sha256="0" * 64, user_id=SOMEBODY, group_id=SOMEBODY)
@@ -189,7 +177,7 @@ NONSENSE = (b"", b"{", b"\xff\xfe", b"[" * 5_000)
 
 @pytest.mark.parametrize("token", [None, "not-known-here"])
 def test_who_is_not_known_is_told_that_first(
-    app: FastAPI, passer_by: Callable[[], TestClient], token: str | None
+    app: FastAPI, passer_by: Callable[[], Somebody], token: str | None
 ) -> None:
     client, asked = passer_by(), 0
     headers = {"Content-Type": "application/json", "Upload-Length": "5_0"}
@@ -207,12 +195,9 @@ def test_who_is_not_known_is_told_that_first(
 
 
 def test_a_guest_of_a_link_is_told_what_is_wrong_with_a_body(
-    let_in: LetIn, put_map: PutMap, passer_by: Callable[[], TestClient]
+    ada: Somebody, visitor: Somebody
 ) -> None:
-    ada, client = let_in("ada"), passer_by()
-    map_id = put_map(ada)
-    ada.put(f"/api/maps/{map_id}/link", **EDIT).raise_for_status()
-    linked(ada, map_id, client)
+    client = linked(ada, map_id := ada.put_map(), visitor, "edit")
     json_type = {"Content-Type": "application/json"}
     assert client.patch(f"/api/maps/{map_id}", content=b"{", headers=json_type).status_code == 400
     other = f"/api/maps/{'0' * 32}"
@@ -250,19 +235,10 @@ def test_a_right_is_for_that_map_and_that_person_alone() -> None:
     assert right_to(Principal(None, None), found, None, link) is Right.NONE
 
 
-def recording_of(services: Services, client: TestClient) -> str:
-    """A recording that is ready."""
-    row = Recording(user_id=id_of(client), name="walk", state=RecordingState.READY)
-    with transaction(services.sessions) as session:
-        session.add(row)
-    return row.id
-
-
-def test_jobs_ask_for_the_same_rights(let_in: LetIn, put_map: PutMap, services: Services) -> None:
-    ada, eve = let_in("Ada"), let_in("Eve")
-    theirs, own = put_map(ada), put_map(eve)
+def test_jobs_ask_for_the_same_rights(ada: Somebody, eve: Somebody) -> None:
+    theirs, own = ada.put_map(), eve.put_map()
     merge = {"kind": "merge", "maps": [theirs, own]}
-    locate = {"kind": "locate", "recording": recording_of(services, eve), "map": theirs}
+    locate = {"kind": "locate", "recording": eve.remember("walk"), "map": theirs}
     for may, of_merge, of_locate in ((None, 404, 404), ("read", 403, 202), ("edit", 202, 202)):
         if may:
             shared_with(ada, theirs, eve, may)
@@ -272,14 +248,13 @@ def test_jobs_ask_for_the_same_rights(let_in: LetIn, put_map: PutMap, services: 
 
 @pytest.mark.parametrize("kind", ["merge", "locate"])
 def test_a_right_that_was_withdrawn_since_ends_a_job(
-    let_in: LetIn, put_map: PutMap, services: Services, kind: str
+    ada: Somebody, eve: Somebody, services: Services, kind: str
 ) -> None:
-    ada, eve = let_in("Ada"), let_in("Eve")
-    theirs, own = put_map(ada), put_map(eve)
+    theirs, own = ada.put_map(), eve.put_map()
     shared_with(ada, theirs, eve, "edit")
     asked = {"kind": "merge", "maps": [own, theirs]}
     if kind == "locate":
-        asked = {"kind": kind, "recording": recording_of(services, eve), "map": theirs}
+        asked = {"kind": kind, "recording": eve.remember("walk"), "map": theirs}
     eve.post("/api/jobs", json=asked).raise_for_status()
     held = queue.claim(services.sessions)
     assert held is not None
@@ -287,21 +262,18 @@ def test_a_right_that_was_withdrawn_since_ends_a_job(
     for name in ("first", "second"):
         (folder / name).mkdir()
     lay_out(services, held, folder / "first")
-    ada.delete(f"/api/maps/{theirs}/shares/{id_of(eve)}").raise_for_status()
+    ada.delete(f"/api/maps/{theirs}/shares/{eve.id}").raise_for_status()
     with pytest.raises(InputError, match="shared with you no more"):
         lay_out(services, held, folder / "second")
 
 
-@pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
+@DATABASES
 @pytest.mark.parametrize("goes", ["map", "owner"])
-def test_what_others_did_with_a_map_goes_with_it(
-    let_in: LetIn, put_map: PutMap, services: Services, goes: str
-) -> None:
-    ada, eve = let_in("Ada"), let_in("Eve")
-    theirs, own = put_map(ada), put_map(eve)
+def test_what_others_did_with_a_map_goes_with_it(ada: Somebody, eve: Somebody, goes: str) -> None:
+    theirs, own = ada.put_map(), eve.put_map()
     shared_with(ada, theirs, eve, "edit")
     ada.put(f"/api/maps/{theirs}/link", **READ)
-    recording = recording_of(services, eve)
+    recording = eve.remember("walk")
     for asked in (
         {"kind": "merge", "maps": [own, theirs]},
         {"kind": "locate", "recording": recording, "map": theirs},
@@ -311,10 +283,10 @@ def test_what_others_did_with_a_map_goes_with_it(
     if goes == "map":
         ada.delete(f"/api/maps/{theirs}").raise_for_status()
     else:
-        delete_user(services, id_of(ada))
+        delete_user(ada.services, ada.id)
     assert [job["given"]["map"] for job in eve.get("/api/jobs").json()] == [own]
     assert [each["id"] for each in eve.get("/api/maps").json()] == [own]
     assert eve.get(f"/api/maps/{theirs}").status_code == 404
-    with transaction(services.sessions) as session:
+    with transaction(ada.services.sessions) as session:
         assert session.query(MapShare).count() == 0
         assert session.query(MapLink).count() == 0

@@ -25,8 +25,8 @@ from elfslam.serve.store.tables import (
     User,
     now_utc,
 )
+from tests.serve.conftest import DATABASES
 
-DATABASES = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
 WRITERS, ROUNDS = 6, 15
 
 
@@ -140,27 +140,18 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @DATABASES
-def test_who_waits_for_another_program_is_told_in_time(impatient: None, engine: Engine) -> None:
-    added_user(sessions_of(engine))
-    with transaction(sessions_of(engine)) as session:  # turns are taken within a process
+@pytest.mark.parametrize("is_ours", [False, True], ids=["another program", "their turn"])
+def test_who_waits_is_told_in_time(impatient: None, engine: Engine, is_ours: bool) -> None:
+    sessions = sessions_of(engine)
+    added_user(sessions)
+    with transaction(sessions) as session:
         session.execute(update(User).values(name="taken"))
-        late = sessions_of(engine)
+        late = sessions if is_ours else sessions_of(engine)  # turns are taken within a process
         with pytest.raises(OperationalError) as refused, transaction(late) as other:
             other.execute(update(User).values(name="late"))
     assert is_locked(refused.value)
-    with reading(sessions_of(engine)) as session:
+    with reading(sessions) as session:
         assert session.scalar(select(User.name)) == "taken"
-
-
-@DATABASES
-def test_who_waits_for_their_turn_is_told_in_time(impatient: None, engine: Engine) -> None:
-    added_user(sessions_of(engine))
-    sessions = sessions_of(engine)
-    with transaction(sessions) as session:
-        session.execute(update(User).values(name="taken"))
-        with pytest.raises(OperationalError) as refused, transaction(sessions) as other:
-            other.execute(update(User).values(name="late"))
-    assert is_locked(refused.value)
 
 
 @DATABASES
@@ -171,15 +162,6 @@ def test_a_reader_does_not_wait_for_a_writer(sessions: Sessions) -> None:
         writing.flush()
         with reading(sessions) as session:
             assert session.scalar(select(func.count()).select_from(User)) == 1
-
-
-@DATABASES
-def test_a_database_is_opened_again(engine: Engine, sessions: Sessions) -> None:
-    added = added_user(sessions)
-    again = open_database(engine.url.render_as_string(hide_password=False))
-    with reading(sessions_of(again)) as session:
-        assert session.get(User, added) is not None
-    again.dispose()
 
 
 @pytest.mark.parametrize(

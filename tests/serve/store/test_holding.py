@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import shutil
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from sqlalchemy import select
+from sqlalchemy import Engine, select
 
 from elfslam.base.errors import StoreError
 from elfslam.serve.services import open_services
@@ -29,8 +29,9 @@ from elfslam.serve.store.opening import (
     take,
 )
 from elfslam.serve.store.tables import Store
+from tests.serve.conftest import DATABASES
 
-pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
+pytestmark = DATABASES
 ELSEWHERE = {"host": "elsewhere", "folder": "/srv/data", "inode": "1:1"}
 
 
@@ -41,6 +42,14 @@ def outside(settings: ServerSettings, tmp_path: Path) -> ServerSettings:
     made = replace(settings, database_url=url)
     opened(made)
     return made
+
+
+@pytest.fixture
+def engine(outside: ServerSettings) -> Iterator[Engine]:
+    """That database, as another process has it."""
+    made = open_database(outside.url)
+    yield made
+    made.dispose()
 
 
 def opened(settings: ServerSettings) -> None:
@@ -64,13 +73,11 @@ def given_to(sessions: Sessions, holder: dict[str, str], beat: str | None) -> No
         row.holder, row.beat = holder, beat
 
 
-def test_a_database_says_who_holds_it(outside: ServerSettings) -> None:
-    engine = open_database(outside.url)
+def test_a_database_says_who_holds_it(outside: ServerSettings, engine: Engine) -> None:
     assert read_held(engine) == Held(holder_of(outside.data_folder), None)
     with holding(sessions_of(engine), outside):
         assert read_held(engine).beat is not None
     assert read_held(engine).beat is None
-    engine.dispose()
 
 
 def test_a_copy_beside_its_original_is_refused(outside: ServerSettings, tmp_path: Path) -> None:
@@ -96,8 +103,9 @@ def test_a_backup_in_its_place_is_served(outside: ServerSettings, tmp_path: Path
     opened(outside)
 
 
-def test_a_folder_that_is_served_elsewhere_is_heard(outside: ServerSettings) -> None:
-    engine = open_database(outside.url)
+def test_a_folder_that_is_served_elsewhere_is_heard(
+    outside: ServerSettings, engine: Engine
+) -> None:
     sessions, looks = sessions_of(engine), []
 
     def beats(seconds: float) -> None:
@@ -109,31 +117,27 @@ def test_a_folder_that_is_served_elsewhere_is_heard(outside: ServerSettings) -> 
     with pytest.raises(StoreError, match="/srv/data on elsewhere, which is being served"):
         free_to_take(engine, outside, beats)
     assert looks == [LOOK_S] * 3
-    engine.dispose()
 
 
-def test_a_killed_server_elsewhere_is_silent(outside: ServerSettings) -> None:
-    engine, looks = open_database(outside.url), list[float]()
+def test_a_killed_server_elsewhere_is_silent(outside: ServerSettings, engine: Engine) -> None:
+    looks = list[float]()
     given_to(sessions_of(engine), ELSEWHERE, "last")
     held = free_to_take(engine, outside, looks.append)
     assert sum(looks) >= LISTEN_S
     take(sessions_of(engine), outside, held)
     assert read_held(engine) == Held(holder_of(outside.data_folder), None)
-    engine.dispose()
 
 
-def test_nobody_waits_for_their_own_folder(outside: ServerSettings) -> None:
-    engine = open_database(outside.url)
+def test_nobody_waits_for_their_own_folder(outside: ServerSettings, engine: Engine) -> None:
     mine = read_held(engine).holder
     assert mine is not None
     given_to(sessions_of(engine), mine.__dict__, "of a server that was killed")
     wait: Callable[[float], None] = lambda _: pytest.fail("waited")  # noqa: E731
     free_to_take(engine, outside, wait)
-    engine.dispose()
 
 
-def test_a_cloned_machine_is_heard_too(outside: ServerSettings) -> None:
-    engine, looks = open_database(outside.url), list[float]()
+def test_a_cloned_machine_is_heard_too(outside: ServerSettings, engine: Engine) -> None:
+    looks = list[float]()
     twin = replace(holder_of(outside.data_folder), boot="of another machine").__dict__
     given_to(sessions_of(engine), twin, "last")
     free_to_take(engine, outside, looks.append)
@@ -141,26 +145,22 @@ def test_a_cloned_machine_is_heard_too(outside: ServerSettings) -> None:
     words, sessions = "was taken by another folder just now", sessions_of(engine)
     with pytest.raises(StoreError, match=words), holding(sessions, outside):
         pass
-    engine.dispose()
 
 
-def test_of_two_that_begin_at_once_one_is_refused(outside: ServerSettings) -> None:
-    engine = open_database(outside.url)
+def test_of_two_that_begin_at_once_one_is_refused(outside: ServerSettings, engine: Engine) -> None:
     before = read_held(engine)
     given_to(sessions_of(engine), ELSEWHERE, None)
     with pytest.raises(StoreError, match="another server begins"):
         take(sessions_of(engine), outside, before)
-    engine.dispose()
 
 
-def test_who_lost_a_database_is_told(outside: ServerSettings) -> None:
-    engine, lost = open_database(outside.url), threading.Event()
+def test_who_lost_a_database_is_told(outside: ServerSettings, engine: Engine) -> None:
+    lost = threading.Event()
     sessions = sessions_of(engine)
     with holding(sessions, outside, lost=lost.set, beat_s=0.01):
         given_to(sessions, ELSEWHERE, "theirs")
         assert lost.wait(20)
     assert read_held(engine).beat == "theirs"
-    engine.dispose()
 
 
 def test_a_copy_of_folder_and_database_together_is_a_store_of_its_own(

@@ -1,18 +1,22 @@
-"""Databases with changed bytes: refused in one line, or as good as they were; no file is gone."""
+"""Databases with changed bytes, disks that are full: refused in one line, and no file is gone."""
 
 from __future__ import annotations
 
 import os
 import random
+import re
 import shutil
+import sqlite3
+import subprocess
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from damage import Change, cut_off, emptied, flipped, inserted, lost, twice, zeroed
 from hypothesis import HealthCheck, Phase, core, given, settings
 from hypothesis import strategies as st
-from starlette.testclient import TestClient
 
 from elfslam.base.errors import StoreError
 from elfslam.serve.app import create_app
@@ -20,14 +24,15 @@ from elfslam.serve.people.users import set_owner_token
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.blobs import put
-from elfslam.serve.store.database import transaction
+from elfslam.serve.store.database import reading, transaction
 from elfslam.serve.store.opening import alone_with, files_of
-from elfslam.serve.store.tables import Job, Map, Recording, RecordingFile, Upload
+from elfslam.serve.store.tables import Job, Map, Recording, RecordingFile, Upload, User
+from tests.disks import mounted
+from tests.serve.conftest import asking
 
 pytestmark = pytest.mark.hostile
 CASES = int(os.environ.get("HOSTILE_CASES", "200"))
 ROUTES = ("me", "users", "recordings", "uploads", "jobs", "maps")
-DAMAGES = ("text", "bytes", "zeros", "cut", "page", "header", "longer")
 SQLITE = "elfslam.sqlite"
 
 
@@ -60,29 +65,23 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return given_settings.data_folder
 
 
-def damaged(content: bytes, kind: str, seed: int) -> bytes:
-    """The content of a database file, changed in one way."""
-    changed, generator = bytearray(content), random.Random(seed)
-    at = generator.randrange(len(changed))
-    if kind == "cut":
-        return content[:at]
-    if kind == "longer":
-        return content + generator.randbytes(at)
-    if kind == "header":
-        changed[generator.randrange(100)] = generator.randrange(256)
-    elif kind == "page":
-        start = at // 4096 * 4096
-        changed[start : start + 4096] = generator.randbytes(4096)
-    elif kind == "zeros":
-        changed[at : at + 200] = bytes(200)
-    elif kind == "bytes":
-        for _ in range(generator.randint(1, 300)):
-            changed[generator.randrange(len(changed))] = generator.randrange(256)
-    else:
-        words = (b"walk ", b"duration_s", b"2026-", b"ready", b'["', b'{"recording"', b"map")
-        found = changed.find(generator.choice(words), at)
-        changed[found : found + 2] = b"\xff\xfe"
-    return bytes(changed)
+def a_page(content: bytes, chance: random.Random) -> bytes:
+    """One page holds anything; the first has the header."""
+    start = chance.choice((0, chance.randrange(len(content)) // 4096 * 4096))
+    size = chance.choice((100, 4096))
+    return content[:start] + chance.randbytes(size) + content[start + size :]
+
+
+def a_text(content: bytes, chance: random.Random) -> bytes:
+    """What stands in a row is no text any more."""
+    words = (b"walk ", b"duration_s", b"2026-", b"ready", b'["', b'{"recording"', b"map")
+    at = chance.choice(
+        [found.start() for found in re.finditer(re.escape(chance.choice(words)), content)]
+    )
+    return content[:at] + b"\xff\xfe" + content[at + 2 :]
+
+
+DAMAGES = (cut_off, emptied, flipped, inserted, lost, zeroed, twice, a_page, a_page, a_text, a_text)
 
 
 @settings(
@@ -92,15 +91,15 @@ def damaged(content: bytes, kind: str, seed: int) -> bytes:
     phases=[Phase.generate],
     suppress_health_check=list(HealthCheck),
 )
-@given(kind=st.sampled_from(DAMAGES), seed=st.integers(0, 2**32))
-def test_a_damaged_database(whole: Path, kind: str, seed: int) -> None:
+@given(damage=st.sampled_from(DAMAGES), seed=st.integers(0, 2**32))
+def test_a_damaged_database(whole: Path, damage: Change, seed: int) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "data"
         shutil.copytree(whole, folder)
         for left in folder.glob(f"{SQLITE}-*"):
             left.unlink()
         file = folder / SQLITE
-        file.write_bytes(damaged(file.read_bytes(), kind, seed))
+        file.write_bytes(damage(file.read_bytes(), random.Random(seed)))
         store = ServerSettings(folder, run_jobs=False)
         before, said = files_of(store), ""
         try:
@@ -116,11 +115,93 @@ def test_a_damaged_database(whole: Path, kind: str, seed: int) -> None:
 
 def answers_honestly(services: Any) -> None:
     """A store that opens answers, or says that its database is damaged."""
-    client = TestClient(
-        create_app(services), base_url="http://127.0.0.1", client=("127.0.0.1", 1),
-        headers={"Authorization": "Bearer token"}, raise_server_exceptions=False,
-    )  # fmt: skip
+    bearer = {"Authorization": "Bearer token"}
+    client = asking(create_app(services), headers=bearer, raise_server_exceptions=False)
     for route in ROUTES:
         answer = client.get(f"/api/{route}")
         assert answer.status_code < 500 or answer.status_code == 503, answer.text
     services.engine.dispose()
+
+
+RELEASED = Path(__file__).parent / "released" / "0.1.0.sqlite.sql"
+DISK_BYTES = 4 * 2**20
+STEP_BYTES = 16_384
+
+
+@pytest.fixture
+def disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of a few megabytes; skips the test where none may be made."""
+    with mounted(tmp_path / "disk", size=DISK_BYTES) as place:
+        yield place
+
+
+def released(settings: ServerSettings) -> None:
+    """A store as version 0.1.0 left it, without files."""
+    settings.data_folder.mkdir(parents=True)
+    with sqlite3.connect(settings.data_folder / "elfslam.sqlite") as connection:
+        connection.executescript(RELEASED.read_text(encoding="utf-8"))
+        for table in ("recording_files", "map_files", "map_parts", "job_files", "uploads"):
+            connection.execute(f"DELETE FROM {table}")
+    connection.close()
+
+
+def opened(settings: ServerSettings) -> str:
+    """What is said in place of opening a store; nothing where it opens."""
+    try:
+        with alone_with(settings):
+            open_services(settings, alone=True).engine.dispose()
+    except (StoreError, OSError) as error:
+        return str(error)
+    return ""
+
+
+def names(settings: ServerSettings) -> list[str]:
+    with alone_with(settings):
+        services = open_services(settings, alone=True)
+    with reading(services.sessions) as session:
+        found = [user.name for user in session.query(User).order_by(User.id)]
+    services.engine.dispose()
+    return found
+
+
+def fill(disk: Path, free_bytes: int) -> Path:
+    """A file that leaves so much of a disk free."""
+    filler = disk / "filler"
+    with filler.open("wb", buffering=0) as stream:
+        try:
+            while True:
+                stream.write(bytes(4096))
+        except OSError:
+            pass
+    size = filler.stat().st_size
+    with filler.open("r+b") as stream:
+        stream.truncate(max(0, size - free_bytes))
+    return filler
+
+
+def test_an_upgrade_on_a_disk_that_is_full_at_any_step(disk: Path) -> None:
+    settings = ServerSettings(disk / "data")
+    released(settings)
+    refusals = 0
+    for free_bytes in range(0, DISK_BYTES, STEP_BYTES):
+        filler = fill(disk, free_bytes)
+        said = opened(settings)
+        filler.unlink()
+        if not said:
+            break
+        assert "\n" not in said
+        refusals += 1
+    assert refusals >= 5, "the disk was never full"
+    assert names(settings) == ["owner", "Zoë 🦇"]
+    assert not list(settings.data_folder.glob(".*.partial"))
+
+
+def test_a_disk_that_cannot_be_written(disk: Path) -> None:
+    settings = ServerSettings(disk / "data")
+    released(settings)
+    assert opened(settings) == ""
+    subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)
+    said = opened(settings)
+    subprocess.run(["mount", "-o", "remount,rw", str(disk)], check=True)
+    assert "Read-only" in said
+    assert names(settings) == ["owner", "Zoë 🦇"]

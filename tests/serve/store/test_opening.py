@@ -6,9 +6,8 @@ Whatever is said, every file of the folder is still there.
 from __future__ import annotations
 
 import os
-import random
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -32,8 +31,7 @@ from elfslam.serve.store.opening import (
 )
 from elfslam.serve.store.schema import VERSION_TABLE
 from elfslam.serve.store.tables import JobFile, JobKind, User
-
-BOTH = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
+from tests.serve.conftest import DATABASES
 
 
 def filled(settings: ServerSettings) -> ServerSettings:
@@ -81,7 +79,7 @@ def changed(settings: ServerSettings, *statements: str) -> None:
     engine.dispose()
 
 
-@BOTH
+@DATABASES
 def test_a_store_opens_again(store: ServerSettings) -> None:
     services = opened(store)
     with reading(services.sessions) as session:
@@ -89,7 +87,7 @@ def test_a_store_opens_again(store: ServerSettings) -> None:
     services.engine.dispose()
 
 
-@BOTH
+@DATABASES
 def test_a_store_is_joined_while_somebody_has_it(store: ServerSettings) -> None:
     with alone_with(store):
         services = open_services(store)
@@ -97,23 +95,19 @@ def test_a_store_is_joined_while_somebody_has_it(store: ServerSettings) -> None:
         services.engine.dispose()
 
 
-@BOTH
+@DATABASES
 def test_a_store_that_somebody_has_is_not_opened(store: ServerSettings) -> None:
     with alone_with(store), pytest.raises(InUseError, match="another server"), alone_with(store):
         pass
 
 
-def test_a_database_that_was_removed(store: ServerSettings) -> None:
-    (store.data_folder / "elfslam.sqlite").unlink()
-    refused(store, "is missing or empty, and .* holds 1 files")
-    assert not (store.data_folder / "elfslam.sqlite").exists()
-
-
-def test_a_database_that_was_removed_while_all_files_are_set_aside(store: ServerSettings) -> None:
-    for file in store.blobs_folder.glob("*/*"):
+@pytest.mark.parametrize("are_set_aside", [False, True])
+def test_a_database_that_was_removed(store: ServerSettings, are_set_aside: bool) -> None:
+    for file in store.blobs_folder.glob("*/*") if are_set_aside else ():
         file.rename(store.quarantine_folder / file.name)
     (store.data_folder / "elfslam.sqlite").unlink()
     refused(store, "is missing or empty, and .* holds 1 files")
+    assert not (store.data_folder / "elfslam.sqlite").exists()
 
 
 VERSION = f"UPDATE {VERSION_TABLE} SET version_num ="
@@ -130,7 +124,7 @@ CHANGES = [
 ]
 
 
-@BOTH
+@DATABASES
 @pytest.mark.parametrize(("statements", "words"), CHANGES)
 def test_a_database_that_was_changed_by_hand(
     store: ServerSettings, statements: Sequence[str], words: str
@@ -166,9 +160,7 @@ def test_a_data_folder_that_cannot_be_made(tmp_path: Path) -> None:
         pass
 
 
-def test_what_else_is_wrong_is_found_before_an_upgrade(
-    store: ServerSettings, tmp_path: Path
-) -> None:
+def test_what_else_is_wrong_is_found_before_an_upgrade(store: ServerSettings) -> None:
     older = [f"ALTER TABLE stores DROP COLUMN {name}" for name in ("holder", "beat")]
     changed(store, f"{VERSION} '0005'", *older)
     before = {file: file.read_bytes() for file in store.data_folder.rglob("*.json")}
@@ -184,13 +176,6 @@ def test_what_else_is_wrong_is_found_before_an_upgrade(
     assert len(list(store.backups_folder.iterdir())) == 1
 
 
-def test_a_database_of_no_bytes(store: ServerSettings) -> None:
-    for name in ("elfslam.sqlite", "elfslam.sqlite-wal", "elfslam.sqlite-shm"):
-        (store.data_folder / name).unlink(missing_ok=True)
-    (store.data_folder / "elfslam.sqlite").touch()
-    refused(store, "is missing or empty")
-
-
 def test_a_new_database_of_another_path(store: ServerSettings, tmp_path: Path) -> None:
     elsewhere = tmp_path / "other.sqlite"
     refused(replace(store, database_url=f"sqlite:///{elsewhere}"), "last used with sqlite:///")
@@ -198,13 +183,16 @@ def test_a_new_database_of_another_path(store: ServerSettings, tmp_path: Path) -
     opened(store).engine.dispose()
 
 
-@pytest.mark.parametrize("database_url", ["postgresql"], indirect=True)
+POSTGRESQL = pytest.mark.parametrize("database_url", ["postgresql"], indirect=True)
+
+
+@POSTGRESQL
 def test_who_forgets_the_url_of_the_database(store: ServerSettings) -> None:
     refused(replace(store, database_url=""), r"last used with postgresql\+psycopg://")
     opened(store).engine.dispose()
 
 
-@pytest.mark.parametrize("database_url", ["postgresql"], indirect=True)
+@POSTGRESQL
 def test_an_empty_database_of_a_server(store: ServerSettings) -> None:
     changed(store, "DROP SCHEMA public CASCADE", "CREATE SCHEMA public")
     refused(store, "is missing or empty")
@@ -236,35 +224,24 @@ def test_a_damaged_identity(store: ServerSettings, content: bytes) -> None:
     refused(store, "cannot be read")
 
 
-def test_no_database_at_all(store: ServerSettings) -> None:
-    (store.data_folder / "elfslam.sqlite").write_bytes(b"not a database" * 1000)
-    refused(store, "cannot be read")
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_a_database_with_changed_bytes(store: ServerSettings, seed: int) -> None:
-    """It opens or is refused in one line; what is changed inside a text is nobody's to notice."""
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        (lambda content: b"", "is missing or empty"),
+        (lambda content: b"not a database" * 1000, "cannot be read"),
+        (lambda content: content[:-5000], "is damaged|cannot be read"),
+    ],
+    ids=["of no bytes", "of something else", "cut off"],
+)
+def test_a_file_that_is_no_whole_database(
+    store: ServerSettings, damage: Callable[[bytes], bytes], words: str
+) -> None:
     file = store.data_folder / "elfslam.sqlite"
-    for name in ("-wal", "-shm"):
+    content = file.read_bytes()
+    for name in ("", "-wal", "-shm"):
         file.with_name(file.name + name).unlink(missing_ok=True)
-    content, generator = bytearray(file.read_bytes()), random.Random(seed)
-    for _ in range(200):
-        content[generator.randrange(len(content))] = generator.randrange(256)
-    file.write_bytes(content)
-    before = files_of(store)
-    said = ""
-    try:
-        opened(store).engine.dispose()
-    except StoreError as error:
-        said = str(error)
-    assert "\n" not in said
-    assert files_of(store) == before
-
-
-def test_a_database_cut_off(store: ServerSettings) -> None:
-    file = store.data_folder / "elfslam.sqlite"
-    file.write_bytes(file.read_bytes()[:-5000])
-    refused(store, "is damaged|cannot be read")
+    file.write_bytes(damage(content))
+    refused(store, words)
 
 
 def test_a_backup_put_back(store: ServerSettings, tmp_path: Path) -> None:

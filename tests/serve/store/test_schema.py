@@ -23,8 +23,9 @@ from elfslam.serve.store.schema import (
     version_of,
 )
 from elfslam.serve.store.tables import Base, Recording, User
+from tests.serve.conftest import DATABASES
 
-pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
+pytestmark = DATABASES
 RELEASED = Path(__file__).parent / "released"
 VERSIONS = sorted({file.name.removesuffix(".sqlite.sql") for file in RELEASED.glob("*.sqlite.sql")})
 
@@ -77,7 +78,7 @@ def test_migrations_make_the_tables(engine: Engine, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-def test_a_released_version_is_upgraded_with_all_its_rows(
+def test_a_released_version_is_upgraded_with_all_its_rows_and_so_is_its_backup(
     engine: Engine, tmp_path: Path, version: str
 ) -> None:
     restored(engine, version)
@@ -92,27 +93,16 @@ def test_a_released_version_is_upgraded_with_all_its_rows(
         assert version_of(connection) == newest_version()
         context = MigrationContext.configure(connection, opts={"version_table": VERSION_TABLE})
         assert compare_metadata(context, Base.metadata) == []
-    assert backup is not None
-    with reading(sessions_of(engine)) as session:
-        names = [user.name for user in session.query(User).order_by(User.id)]
-        facts = session.get_one(Recording, "3" * 32).facts
-    assert names == ["owner", "Zoë 🦇"]
-    assert facts == {"duration_s": 12.5, "bytes": 7}
-
-
-@pytest.mark.parametrize("version", VERSIONS)
-def test_a_backup_is_a_database_that_opens(engine: Engine, tmp_path: Path, version: str) -> None:
-    restored(engine, version)
-    backup = upgrade(engine, tmp_path / "backups")
     copy = create_engine(f"sqlite:///{backup}")
     assert state_of(copy) is State.OLDER
     upgrade(copy, tmp_path / "more")
-    with reading(sessions_of(copy)) as copied, reading(sessions_of(engine)) as session:
-        for found in (copied, session):
-            [owner] = found.query(User).filter_by(is_owner=True)
-            assert (owner.name, owner.token_sha256, owner.created_utc.hour) == (
-                "owner", "a" * 64, 6
-            )  # fmt: skip
+    for found in (engine, copy):
+        with reading(sessions_of(found)) as session:
+            owner, other = session.query(User).order_by(User.id)
+            facts = session.get_one(Recording, "3" * 32).facts
+        assert (owner.name, owner.token_sha256, other.name) == ("owner", "a" * 64, "Zoë 🦇")
+        assert (owner.is_owner, owner.created_utc.hour) == (True, 6)
+        assert facts == {"duration_s": 12.5, "bytes": 7}
     copy.dispose()
 
 

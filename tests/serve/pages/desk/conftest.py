@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import secrets
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import httpx
 import numpy as np
 import pytest
 
@@ -27,9 +28,6 @@ from elfslam.world.simulate import load_world, simulate
 from studies.benchmarks.served import serving
 from tests.serve.planting import plant_files
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-CHROMIUM = shutil.which("chromium")
-ARGUMENTS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking")
 PATIENCE_MS = 60_000
 """Only a test that fails waits for so long."""
 CLOSURES = ((2, 20), (3, 21), (4, 22))
@@ -38,29 +36,38 @@ CLOSURES = ((2, 20), (3, 21), (4, 22))
 
 @dataclass
 class Person:
-    """Somebody with a token, and what is planted for them."""
+    """Somebody with a token, what is planted for them, and their browsers."""
 
     services: Services
     origin: str
-    id: str
-    token: str
+    name: str
+    browser: Any
+    walk: Path
+    """A recording of motion alone, and the run of it."""
+    run: Path
     problems: list[str] = field(default_factory=list)
+    contexts: list[Any] = field(default_factory=list)
+    id: str = ""
+    token: str = ""
+
+    def __post_init__(self) -> None:
+        user, self.token = add_user(self.services, self.name)
+        self.id = user.id
 
     @property
     def address(self) -> str:
         """What pairs a browser."""
         return f"{self.origin}/desk#token={self.token}"
 
-    def plant_map(self, name: str, folder: Path, **more: Any) -> str:
+    def plant_map(self, name: str, folder: Path | None = None, **more: Any) -> str:
         """A map as a job would have left it; gives its id."""
-        return plant_files(
-            self.services, Map(user_id=self.id, name=name, kind="run", **more), folder
-        )
+        row = Map(user_id=self.id, name=name, kind="run", **more)
+        return plant_files(self.services, row, folder or self.run)
 
-    def plant_recording(self, name: str, folder: Path, **more: Any) -> str:
+    def plant_recording(self, name: str, folder: Path | None = None, **more: Any) -> str:
         """A recording as if it had been uploaded; gives its id."""
         row = Recording(user_id=self.id, name=name, state=RecordingState.READY, **more)
-        return plant_files(self.services, row, folder)
+        return plant_files(self.services, row, folder or self.walk)
 
     def plant_job(self, kind: JobKind, state: JobState, **more: Any) -> str:
         """A job in any state; gives its id."""
@@ -68,6 +75,50 @@ class Person:
         with transaction(self.services.sessions) as session:
             session.add(row)
         return row.id
+
+    def ask(self, path: str, method: str = "GET", **more: Any) -> httpx.Response:
+        """What the server answers them."""
+        bearer = {"Authorization": f"Bearer {self.token}"}
+        return httpx.request(method, self.origin + path, headers=bearer, timeout=60, **more)
+
+    def get(self, path: str) -> Any:
+        """What the server says to them: JSON, or the status of a refusal."""
+        answer = self.ask(path)
+        return answer.json() if answer.is_success else answer.status_code
+
+    def open(self, fragment: str = "", **options: Any) -> Any:
+        """Their desk in a browser of its own, at some fragment."""
+        page = new_page(self.browser, **options)
+        self.contexts.append(page.context)
+        _watch(page, self)
+        page.goto(self.address)
+        page.wait_for_selector("nav:not([hidden])")
+        if fragment:
+            go(page, fragment)
+        page.wait_for_selector("h1")
+        return page
+
+    def leave(self) -> None:
+        """Close their browsers."""
+        for context in self.contexts:
+            context.close()
+
+
+def new_page(browser: Any, **options: Any) -> Any:
+    """A page of a browser that nobody paired."""
+    context = browser.new_context(**{"viewport": {"width": 1280, "height": 800}, **options})
+    context.set_default_timeout(PATIENCE_MS)
+    return context.new_page()
+
+
+def go(page: Any, fragment: str) -> None:
+    """To another place of the desk."""
+    page.evaluate("fragment => { location.hash = fragment; }", fragment)
+
+
+def row(page: Any, name: str) -> Any:
+    """The row of a table that has a name in it."""
+    return page.get_by_role("row").filter(has_text=name)
 
 
 @pytest.fixture(scope="session")
@@ -125,81 +176,92 @@ def served_at(data: Path, *options: str) -> Iterator[str]:
         yield address.partition("/#")[0]
 
 
-@pytest.fixture
-def invite(origin: tuple[str, Path]) -> Iterator[Callable[[str], Person]]:
-    """Somebody new on the server, with nothing yet, there as long as the test."""
-    url, data = origin
-    services = open_services(ServerSettings(data, secure_cookie=False))
-    ids: list[str] = []
+Invite = Callable[[str], Person]
 
-    def invited(name: str) -> Person:
-        user, token = add_user(services, name)
-        ids.append(user.id)
-        return Person(services, url, user.id, token)
 
-    yield invited
-    for each in ids:
-        delete_user(services, each)
+@contextmanager
+def people(settings: ServerSettings, url: str, browser: Any, *folders: Path) -> Iterator[Invite]:
+    """Lets people into a server as long as the block lasts; they begin with nothing.
+
+    When it ends nothing may stand in a console, and no request may have left the origin.
+    """
+    services, invited = open_services(settings), list[Person]()
+
+    def invite(name: str) -> Person:
+        invited.append(Person(services, url, name, browser, *folders))
+        return invited[-1]
+
+    yield invite
+    for each in invited:
+        each.leave()
+    for each in invited:
+        delete_user(services, each.id)
     services.engine.dispose()
+    assert [problem for each in invited for problem in each.problems] == []
 
 
 @pytest.fixture
-def person(invite: Callable[[str], Person]) -> Person:
+def invite(
+    origin: tuple[str, Path], browser: Any, walk_folder: Path, run_folder: Path
+) -> Iterator[Invite]:
+    """Lets somebody in."""
+    url, data = origin
+    settings = ServerSettings(data, secure_cookie=False)
+    with people(settings, url, browser, walk_folder, run_folder) as invited:
+        yield invited
+
+
+@pytest.fixture
+def ada(invite: Invite) -> Person:
     """Whoever the test is about."""
     return invite("Ada")
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    """Chromium without a window; closed with the file, as others open their own."""
-    if CHROMIUM is None:
-        pytest.skip("chromium is missing: install Debian's chromium")
-    with sync_api.sync_playwright() as playwright:
-        found = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
-        yield found
-        found.close()
-
-
-Open = Callable[..., Any]
+@pytest.fixture
+def map_id(ada: Person) -> str:
+    """A map of one walk of hers."""
+    return ada.plant_map("round the studio")
 
 
 @pytest.fixture
-def open_desk(browser: Any, invite: Callable[[str], Person]) -> Iterator[Open]:
-    """Opens somebody's desk in a browser of its own, which is closed before they leave.
+def eve(invite: Invite) -> Person:
+    """Somebody whom nobody else is called like."""
+    return invite(f"Eve {secrets.token_hex(4)}")
 
-    When the test ends nothing may stand in the console, and no request may have left the origin.
-    """
-    contexts: list[Any] = []
-    people: list[Person] = []
 
-    def opened(person: Person, fragment: str = "", **options: Any) -> Any:
-        context = browser.new_context(**{"viewport": {"width": 1280, "height": 800}, **options})
-        context.set_default_timeout(PATIENCE_MS)
-        contexts.append(context)
-        people.append(person)
-        page = context.new_page()
-        _watch(page, person)
-        page.goto(person.address)
-        page.wait_for_selector("nav:not([hidden])")
-        if fragment:
-            page.evaluate("fragment => { location.hash = fragment; }", fragment)
-        page.wait_for_selector("h1")
-        return page
+@pytest.fixture
+def working_desk(
+    browser: Any, walk_folder: Path, run_folder: Path, tmp_path: Path
+) -> Iterator[Any]:
+    """A desk on a server of the test's own that works on jobs."""
+    settings = ServerSettings(tmp_path / "data", secure_cookie=False)
+    with (
+        served_at(settings.data_folder) as url,
+        people(settings, url, browser, walk_folder, run_folder) as invited,
+    ):
+        yield invited("Ada").open()
+
+
+@pytest.fixture
+def fresh(browser: Any) -> Iterator[Callable[..., Any]]:
+    """Opens pages of browsers that nobody paired; nothing that these throw is let pass."""
+    pages, problems = list[Any](), list[str]()
+
+    def opened(**options: Any) -> Any:
+        pages.append(new_page(browser, **options))
+        pages[-1].on("pageerror", lambda error: problems.append(str(error)))
+        return pages[-1]
 
     yield opened
-    for context in contexts:
-        context.close()
-    assert [problem for person in people for problem in person.problems] == []
+    for page in pages:
+        page.context.close()
+    assert problems == []
 
 
 @pytest.fixture
-def working_desk(open_desk: Open, tmp_path: Path) -> Iterator[tuple[Any, str]]:
-    """A desk on a server of the test's own that works on jobs: its page, and the address."""
-    settings = ServerSettings(tmp_path / "data", secure_cookie=False)
-    with served_at(settings.data_folder) as url:
-        services = open_services(settings)
-        user, token = add_user(services, "Ada")
-        yield open_desk(Person(services, url, user.id, token)), url
+def stranger(fresh: Callable[..., Any]) -> Any:
+    """One of them."""
+    return fresh()
 
 
 def _watch(page: Any, person: Person) -> None:
@@ -219,14 +281,3 @@ def _watch(page: Any, person: Person) -> None:
     page.on("console", told)
     page.on("pageerror", lambda error: person.problems.append(f"page: {error}"))
     page.on("request", asked)
-
-
-@pytest.fixture
-def asked() -> Callable[[Any, str], Any]:
-    """What the server says to the page's own session."""
-
-    def ask(page: Any, path: str) -> Any:
-        answer = page.context.request.get(page.url.partition("/desk")[0] + path)
-        return json.loads(answer.text()) if answer.ok else answer.status
-
-    return ask

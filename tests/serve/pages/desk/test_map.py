@@ -6,11 +6,8 @@ import base64
 import hashlib
 import io
 import itertools
-import json
 import math
 import re
-import zipfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +21,10 @@ from elfslam.data.position_files import read_tum
 from elfslam.serve.store import blobs
 from elfslam.serve.store.database import transaction
 from elfslam.serve.store.tables import JobFile, JobKind, JobState
+from tests.serve.pages.desk.conftest import Person, go
+from tests.serve.planting import plan_of_levels
+from tests.serve.uploading import unzipped
 
-Open = Callable[..., Any]
 LINE_PX = 3.0
 """How far a line's edge and a round of the browser's numbers may put a bound off."""
 FIELDS = ("width", "x", "y", "turn")
@@ -37,19 +36,19 @@ FIXES = """t_s,x_m,y_m,heading_rad,sigma_m,status
 
 
 @pytest.fixture
-def map_id(person: Any, looped_folder: Path) -> str:
+def map_id(ada: Person, looped_folder: Path) -> str:
     """A planted map of one walk."""
-    return str(person.plant_map("round the studio", looped_folder))
+    return ada.plant_map("round the studio", looped_folder)
 
 
 @pytest.fixture
-def page(person: Any, open_desk: Open, map_id: str) -> Any:
+def page(ada: Person, map_id: str) -> Any:
     """Its viewer, drawn."""
-    return opened(open_desk(person), map_id)
+    return opened(ada.open(), map_id)
 
 
 def opened(page: Any, map_id: str) -> Any:
-    page.evaluate("id => { location.hash = `#/maps/${id}`; }", map_id)
+    go(page, f"#/maps/{map_id}")
     page.wait_for_selector(".stage canvas")
     page.wait_for_selector(".exports li")
     drawn(page)
@@ -146,7 +145,7 @@ def test_under_the_finger_is_a_footstep_with_its_time_and_sigma(
     tip.wait_for(state="hidden")
 
 
-def test_keys_and_wheel_move_zoom_and_step(page: Any, run_folder: Path) -> None:
+def test_keys_and_wheel_move_zoom_and_step(page: Any) -> None:
     canvas = page.locator(".stage canvas")
     canvas.focus()
     before = px_per_m(page)
@@ -167,8 +166,8 @@ def test_keys_and_wheel_move_zoom_and_step(page: Any, run_folder: Path) -> None:
     assert px_per_m(page) > 1.5 * before
 
 
-def test_two_fingers_zoom(person: Any, open_desk: Open, map_id: str) -> None:
-    page = opened(open_desk(person, viewport={"width": 390, "height": 800}, has_touch=True), map_id)
+def test_two_fingers_zoom(ada: Person, map_id: str) -> None:
+    page = opened(ada.open(viewport={"width": 390, "height": 800}, has_touch=True), map_id)
     before, box = px_per_m(page), canvas_box(page)
     touch = page.context.new_cdp_session(page)
     middle = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
@@ -195,6 +194,14 @@ def placement_fields(page: Any) -> list[float]:
     return [float(page.locator(f"input[name=plan-{name}]").input_value()) for name in FIELDS]
 
 
+def put_plan(page: Any, file: Path, button: str = "Move the plan") -> Any:
+    """Choose a file as the plan; gives a button that is there then."""
+    page.locator("input[name=plan-file]").set_input_files(file)
+    found = page.get_by_role("button", name=button)
+    found.wait_for()
+    return found
+
+
 def drag(page: Any, start: tuple[float, float], end: tuple[float, float]) -> None:
     box = canvas_box(page)
     page.mouse.move(box["x"] + start[0], box["y"] + start[1])
@@ -206,10 +213,9 @@ def drag(page: Any, start: tuple[float, float], end: tuple[float, float]) -> Non
 
 
 def test_a_dragged_plan_stays_where_it_was_put(
-    page: Any, map_id: str, floor_plan: Path, asked: Any, run_folder: Path
+    ada: Person, page: Any, map_id: str, floor_plan: Path, run_folder: Path
 ) -> None:
-    page.locator("input[name=plan-file]").set_input_files(floor_plan)
-    page.get_by_role("button", name="Move the plan").wait_for()
+    put_plan(page, floor_plan)
     width_m, x_m, y_m, turn = placement_fields(page)
     assert turn == 0
     scale = px_per_m(page)
@@ -226,7 +232,7 @@ def test_a_dragged_plan_stays_where_it_was_put(
     put = placement_fields(page)
     assert put[0] == pytest.approx(0.8 * width_m, abs=0.03)
     page.wait_for_timeout(800)
-    kept = asked(page, f"/api/maps/{map_id}")["floor_plan"]["placement"]
+    kept = ada.get(f"/api/maps/{map_id}")["floor_plan"]["placement"]
     assert [kept["width_m"], kept["x_m"], kept["y_m"]] == pytest.approx(put[:3], abs=1e-6)
     assert kept["heading_rad"] == pytest.approx(math.radians(30), abs=1e-4)
     assert kept["opacity"] == 0.8
@@ -249,10 +255,9 @@ def tapped(page: Any, run_folder: Path, *places_m: tuple[float, float]) -> None:
 
 
 def test_a_plan_is_placed_by_two_points(
-    page: Any, map_id: str, floor_plan: Path, asked: Any, run_folder: Path
+    ada: Person, page: Any, map_id: str, floor_plan: Path, run_folder: Path
 ) -> None:
-    page.locator("input[name=plan-file]").set_input_files(floor_plan)
-    page.get_by_role("button", name="Place by points").click()
+    put_plan(page, floor_plan, "Place by points").click()
     width_m, x_m, y_m, _ = placement_fields(page)
     first = x_m + 0.3 * width_m, y_m + 0.3 * width_m
     page.get_by_text("Tap a place on the plan, such as a corner (1 of 2).").wait_for()
@@ -263,7 +268,7 @@ def test_a_plan_is_placed_by_two_points(
     page.get_by_text("A third place makes it more exact").wait_for()
     page.get_by_role("button", name="Done").click()
     page.get_by_text("Saved", exact=True).wait_for()
-    kept = asked(page, f"/api/maps/{map_id}")["floor_plan"]["placement"]
+    kept = ada.get(f"/api/maps/{map_id}")["floor_plan"]["placement"]
     near = 3 / px_per_m(page)
     assert kept["width_m"] == pytest.approx(width_m / 1.5, abs=4 * near)
     assert [kept["x_m"], kept["y_m"]] == pytest.approx(
@@ -279,18 +284,17 @@ SVG = (
 
 
 def test_an_svg_is_scaled_by_a_known_length(
-    page: Any, map_id: str, tmp_path: Path, asked: Any, run_folder: Path
+    ada: Person, page: Any, map_id: str, tmp_path: Path, run_folder: Path
 ) -> None:
     (tmp_path / "plan.svg").write_text(SVG)
-    page.locator("input[name=plan-file]").set_input_files(tmp_path / "plan.svg")
-    page.get_by_role("button", name="Scale by a length").click()
+    put_plan(page, tmp_path / "plan.svg", "Scale by a length").click()
     width_m, x_m, y_m, _ = placement_fields(page)
     across = [(x_m + share * width_m, y_m + 0.3 * width_m) for share in (0.3, 0.7)]
     tapped(page, run_folder, *across)
     page.locator("input[name=plan-length]").fill("8")
     page.get_by_role("button", name="Scale it").click()
     page.get_by_text("Saved", exact=True).wait_for()
-    kept = asked(page, f"/api/maps/{map_id}")["floor_plan"]
+    kept = ada.get(f"/api/maps/{map_id}")["floor_plan"]
     assert kept["placement"]["width_m"] == pytest.approx(20, rel=0.03)
     assert kept["type"] == "image/png"
     assert page.locator(".tie-bar:visible").count() == 0
@@ -299,8 +303,7 @@ def test_an_svg_is_scaled_by_a_known_length(
 def test_a_plan_turns_dark_and_light_with_the_page_until_somebody_says(
     page: Any, map_id: str, floor_plan: Path
 ) -> None:
-    page.locator("input[name=plan-file]").set_input_files(floor_plan)
-    page.get_by_role("button", name="Move the plan").wait_for()
+    put_plan(page, floor_plan)
     for name in ("Uncertainty", "Trajectories", "Places passed again"):
         layer(page, name, on=False)
     light = pixels(page)[..., :3].mean()
@@ -316,39 +319,32 @@ def test_a_plan_turns_dark_and_light_with_the_page_until_somebody_says(
 
 
 def test_a_plan_is_refused_in_words_or_chosen_among_levels_and_removed(
-    page: Any, map_id: str, tmp_path: Path, asked: Any
+    ada: Person, page: Any, map_id: str, tmp_path: Path
 ) -> None:
     file = tmp_path / "plan.png"
     file.write_bytes(b"no image at all")
     page.locator("input[name=plan-file]").set_input_files(file)
     assert len(page.get_by_role("alert").locator(".toast span").inner_text()) > 20
     assert page.get_by_role("button", name="Move the plan").count() == 0
-    rooms = []
-    for level, side_m in (("0", 6), ("1", 9)):
-        ring = [[0, 0], [side_m, 0], [side_m, 4], [0, 4], [0, 0]]
-        shape = {"type": "Polygon", "coordinates": [ring]}
-        rooms.append({"type": "Feature", "properties": {"level": level}, "geometry": shape})
     house = tmp_path / "house.geojson"
-    house.write_text(json.dumps({"type": "FeatureCollection", "features": rooms}))
+    house.write_text(plan_of_levels(**{"0": 6, "1": 9}))
     page.locator("input[name=plan-file]").set_input_files(house)
     choice = page.get_by_role("combobox", name="This plan has several levels")
     choice.wait_for()
     assert choice.locator("option").all_text_contents() == ["0", "1"]
     page.get_by_role("button", name="Cancel").click()
-    assert asked(page, f"/api/maps/{map_id}")["floor_plan"] is None
+    assert ada.get(f"/api/maps/{map_id}")["floor_plan"] is None
     page.locator("input[name=plan-file]").set_input_files(house)
     choice.select_option("1")
     page.get_by_role("button", name="Put it below the map").click()
     page.locator("input[name=plan-width]").wait_for()
     page.get_by_text("Saved", exact=True).wait_for()
-    assert asked(page, f"/api/maps/{map_id}")["floor_plan"]["width_m"] == pytest.approx(
-        9.2, abs=0.1
-    )
+    assert ada.get(f"/api/maps/{map_id}")["floor_plan"]["width_m"] == pytest.approx(9.2, abs=0.1)
     page.get_by_role("button", name="Remove").click()
     page.get_by_role("button", name="Delete for good").click()
     page.get_by_text("Choose a plan").wait_for()
-    assert asked(page, f"/api/maps/{map_id}")["floor_plan"] is None
-    assert asked(page, f"/api/maps/{map_id}/floor-plan") == 404
+    assert ada.get(f"/api/maps/{map_id}")["floor_plan"] is None
+    assert ada.get(f"/api/maps/{map_id}/floor-plan") == 404
 
 
 def downloaded(page: Any, to: str, folder: Path) -> Path:
@@ -360,9 +356,9 @@ def downloaded(page: Any, to: str, folder: Path) -> Path:
 
 
 @pytest.fixture
-def whole_page(person: Any, open_desk: Open, run_folder: Path) -> Any:
+def whole_page(ada: Person) -> Any:
     """The viewer of a run as mapping left it."""
-    return opened(open_desk(person), person.plant_map("round the studio", run_folder))
+    return opened(ada.open(), ada.plant_map("round the studio"))
 
 
 def test_report_and_exports_are_what_the_command_writes(
@@ -393,42 +389,38 @@ def test_report_and_exports_are_what_the_command_writes(
     with page.expect_download() as coming:
         page.get_by_role("link", name="Whole folder").click()
     coming.value.save_as(tmp_path / "map.zip")
-    with zipfile.ZipFile(tmp_path / "map.zip") as packed:
-        found = {Path(name).name: packed.read(name) for name in packed.namelist()}
+    found = unzipped((tmp_path / "map.zip").read_bytes())
     assert found["trajectory.tum"] == (run_folder / "trajectory.tum").read_bytes()
 
 
-def test_a_deleted_map_leaves_nothing(
-    page: Any, person: Any, map_id: str, asked: Any, tmp_path: Path
-) -> None:
+def test_a_deleted_map_leaves_nothing(page: Any, ada: Person, map_id: str, tmp_path: Path) -> None:
     file = tmp_path / "plan.png"
     pytest.importorskip("PIL.Image").new("L", (31, 17), 200).save(file)
     sha256 = hashlib.sha256(file.read_bytes()).hexdigest()
-    kept = blobs.blob_path(person.services.settings.blobs_folder, sha256)
-    page.locator("input[name=plan-file]").set_input_files(file)
-    page.get_by_role("button", name="Move the plan").wait_for()
+    kept = blobs.blob_path(ada.services.settings.blobs_folder, sha256)
+    put_plan(page, file)
     assert kept.is_file()
     page.get_by_role("button", name="Delete round the studio").click()
     page.get_by_role("button", name="Delete for good").click()
     page.get_by_text("No maps yet").wait_for()
-    assert asked(page, f"/api/maps/{map_id}") == 404
+    assert ada.get(f"/api/maps/{map_id}") == 404
     assert not kept.exists()
 
 
 def test_a_located_walk_is_drawn_with_its_status(
-    person: Any, open_desk: Open, map_id: str, run_folder: Path, tmp_path: Path
+    ada: Person, map_id: str, run_folder: Path, tmp_path: Path
 ) -> None:
     x, y = xy_of(run_folder).mean(axis=0).round(3)
     file = tmp_path / "fixes.csv"
     file.write_text(FIXES.format(x=x, y=y, y2=y + 0.5))
     given = {"recording": "0" * 32, "map": map_id, "mode": "one-shot"}
-    job = person.plant_job(JobKind.LOCATE, JobState.DONE, given=given)
-    kept = blobs.put(person.services.settings.blobs_folder, file)
-    with transaction(person.services.sessions) as session:
+    job = ada.plant_job(JobKind.LOCATE, JobState.DONE, given=given)
+    kept = blobs.put(ada.services.settings.blobs_folder, file)
+    with transaction(ada.services.sessions) as session:
         session.add(
             JobFile(job_id=job, name="fixes.csv", sha256=kept.sha256, size_bytes=kept.size_bytes)
         )
-    page = opened(open_desk(person), map_id)
+    page = opened(ada.open(), map_id)
     page.get_by_text("1 located, 1 several places sound alike, 1 unknown place").wait_for()
     place, box = px_of(page, run_folder, (x, y + 0.5)), canvas_box(page)
     page.mouse.move(box["x"] + place[0], box["y"] + place[1])
@@ -438,10 +430,8 @@ def test_a_located_walk_is_drawn_with_its_status(
     assert "one-shot" in tip.inner_text()
 
 
-def test_a_map_is_redrawn_fast_with_ten_thousand_footsteps(
-    person: Any, open_desk: Open, map_id: str
-) -> None:
-    page = open_desk(person)
+def test_a_map_is_redrawn_fast_with_ten_thousand_footsteps(ada: Person, map_id: str) -> None:
+    page = ada.open()
     view = large_view()
     page.route(re.compile(r"/api/maps/[^/]+/view$"), lambda route: route.fulfill(json=view))
     opened(page, map_id)
@@ -461,44 +451,31 @@ def test_a_map_is_redrawn_fast_with_ten_thousand_footsteps(
           return took.sort((a, b) => a - b)[4];
         }"""
     )
-    person.problems = [each for each in person.problems if "willReadFrequently" not in each]
+    ada.problems = [each for each in ada.problems if "willReadFrequently" not in each]
     assert took_ms < 1000, "a bound that holds on a loaded machine without a graphics card"
 
 
 def large_view() -> dict[str, Any]:
     """Ten walks of a thousand footsteps, five thousand closures."""
     generator = np.random.default_rng(0)
-    angle = np.linspace(0, 20 * np.pi, 1000)
-    walks = []
+    angle, walks = np.linspace(0, 20 * np.pi, 1000), []
     for k in range(10):
         xy = np.column_stack([40 * np.cos(angle) + k * 0.5, 22 * np.sin(angle)])
         xy += generator.normal(0, 0.2, xy.shape)
         sigma = 0.2 + 0.4 * np.abs(np.sin(angle / 9))
-        walks.append(
-            {
-                "name": f"walk {k}",
-                "t_s": np.arange(1000.0).tolist(),
-                "xy_m": xy.tolist(),
-                "sigma_m": sigma.tolist(),
-            }
-        )
+        told = {"t_s": np.arange(1000.0).tolist(), "xy_m": xy.tolist(), "sigma_m": sigma.tolist()}
+        walks.append({"name": f"walk {k}", **told})
     ends = np.array([walk["xy_m"] for walk in walks]).reshape(-1, 2)[::2]
-    closures = np.hstack([ends, ends + generator.normal(0, 0.5, ends.shape)])
-    return {
-        "kind": "run",
-        "bounds_m": [-40, -22, 45, 22],
-        "walks": walks,
-        "dead_reckoning": [],
-        "closures": closures.tolist(),
-        "coverage": None,
-    }
+    closures = np.hstack([ends, ends + generator.normal(0, 0.5, ends.shape)]).tolist()
+    found = {"walks": walks, "closures": closures, "bounds_m": [-40, -22, 45, 22]}
+    return {"kind": "run", "dead_reckoning": [], "coverage": None, **found}
 
 
-def test_an_older_view_gives_way_to_a_newer(person: Any, open_desk: Open, run_folder: Path) -> None:
-    first, second = (person.plant_map(name, run_folder) for name in ("first", "second"))
-    page = open_desk(person, "#/maps")
+def test_an_older_view_gives_way_to_a_newer(ada: Person) -> None:
+    first, second = (ada.plant_map(name) for name in ("first", "second"))
+    page = ada.open("#/maps")
     for map_id in itertools.islice(itertools.cycle((first, second)), 5):
-        page.evaluate("id => { location.hash = `#/maps/${id}`; }", map_id)
+        go(page, f"#/maps/{map_id}")
     page.get_by_role("heading", name="first").wait_for()
     page.wait_for_load_state("networkidle")
     assert page.locator(".stage").count() == 1
@@ -506,11 +483,9 @@ def test_an_older_view_gives_way_to_a_newer(person: Any, open_desk: Open, run_fo
 
 
 @pytest.mark.parametrize(("elsewhere", "status"), [("maps", 503), ("first", 200)])
-def test_a_view_that_comes_too_late_is_not_shown(
-    person: Any, open_desk: Open, run_folder: Path, status: int, elsewhere: str
-) -> None:
-    first, second = (person.plant_map(name, run_folder) for name in ("first", "second"))
-    page = open_desk(person, "#/maps")
+def test_a_view_that_comes_too_late_is_not_shown(ada: Person, status: int, elsewhere: str) -> None:
+    first, second = (ada.plant_map(name) for name in ("first", "second"))
+    page = ada.open("#/maps")
     held: list[Any] = []
 
     def hold(route: Any) -> None:
@@ -518,7 +493,7 @@ def test_a_view_that_comes_too_late_is_not_shown(
 
     page.route(f"**/api/maps/{second}/view", hold)
     with page.expect_request(f"**/api/maps/{second}/view"):
-        page.evaluate("id => { location.hash = `#/maps/${id}`; }", second)
+        go(page, f"#/maps/{second}")
     heading, address = {"maps": ("Maps", "#/maps"), "first": ("first", f"#/maps/{first}")}[
         elsewhere
     ]

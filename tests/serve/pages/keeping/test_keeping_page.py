@@ -9,11 +9,17 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import numpy as np
 import pytest
 
 from elfslam.base.values import FloorMap
+from elfslam.data.tiles import stretches_of, tiles_of
 from elfslam.serve.network.authority import fingerprint, signing_key
 from elfslam.serve.settings import PAGES_FOLDER
+from tests.data.phone_maps import map_of_parts
+from tests.in_node import needs_node, passed_in_node
+from tests.serve.conftest import Maps, Somebody
+from tests.serve.planting import plant_floor_map
 from tests.waiting import until
 
 Start = Callable[..., Any]
@@ -71,11 +77,11 @@ def stop(server: Any) -> None:
 
 
 def test_after_one_visit_nothing_of_the_server_is_needed(
-    start_server: Start, plant: Callable[[Path], Any], maps: tuple[FloorMap, FloorMap], browser: Any
+    start_server: Start, maps: Maps, pocket: Any
 ) -> None:
     server = start_server()
-    map_id = plant(server.data).put(maps[0])
-    with browser.opened() as page:
+    map_id = plant_floor_map(server.data, maps[0])
+    with pocket.on() as page:
         visit(page, pairing(server))
         made = page.evaluate(UPDATE, map_id)
         assert made["fetchedBytes"] == made["sizeBytes"] > 1e6
@@ -90,7 +96,7 @@ def test_after_one_visit_nothing_of_the_server_is_needed(
         assert page.evaluate(WALKS) == []
         refused = page.evaluate(UPDATE, map_id)
         assert "does not answer" in refused
-    with browser.opened() as page:  # a browser that was closed meanwhile
+    with pocket.on() as page:  # a browser that was closed meanwhile
         page.goto(server.url)
         assert page.is_visible("#allow")
         assert page.inner_text("h1") == "Walk, and get a map"
@@ -101,18 +107,17 @@ def test_after_one_visit_nothing_of_the_server_is_needed(
 
 
 def test_only_changes_are_fetched_forgeries_refused_and_signing_out_forgets_all(
-    start_server: Start, plant: Callable[[Path], Any], maps: tuple[FloorMap, FloorMap], browser: Any
+    start_server: Start, maps: Maps, pocket: Any
 ) -> None:
     server = start_server()
-    planted = plant(server.data)
-    map_id = planted.put(maps[0])
-    with browser.opened() as page:
+    map_id = plant_floor_map(server.data, maps[0])
+    with pocket.on() as page:
         visit(page, pairing(server))
         page.evaluate(UPDATE, map_id)
         first = page.evaluate(OPEN, map_id)
         with httpx.Client(base_url=server.url, headers=server.bearer) as client:
             older = client.get(f"/api/maps/{map_id}/package").json()
-            planted.put(maps[1], map_id)
+            plant_floor_map(server.data, maps[1], map_id)
             newer = client.get(f"/api/maps/{map_id}/package").json()
         tile = changed_tile(older, newer)
         kept = server.data / "blobs" / tile[:2] / tile
@@ -155,12 +160,12 @@ def changed_tile(older: dict[str, str], newer: dict[str, str]) -> str:
 
 
 def test_a_new_version_takes_the_place_of_the_old_one(
-    start_server: Start, browser: Any, tmp_path: Path
+    start_server: Start, pocket: Any, tmp_path: Path
 ) -> None:
     pages = tmp_path / "pages"
     shutil.copytree(PAGES_FOLDER, pages)
     server = start_server(pages=pages)
-    with browser.opened() as page:
+    with pocket.on() as page:
         visit(page, pairing(server))
         assert page.evaluate("(async () => (await caches.keys()).length)()") == 1
         before = page.evaluate("(async () => (await caches.keys())[0])()")
@@ -175,7 +180,7 @@ def test_a_new_version_takes_the_place_of_the_old_one(
         wait_for(page, lambda: len(names_of_caches(page)) == 2, "the next version is fetched")
         page.wait_for_timeout(500)
         assert page.inner_text("h1", timeout=1000) == "Go, and get a map"
-    with browser.opened() as page:  # the next visit
+    with pocket.on() as page:  # the next visit
         page.goto(server.url)
         wait_for(page, lambda: title(page) == "Run, and get a map", "the next version")
         wait_for(page, lambda: len(names_of_caches(page)) == 1, "the old version is dropped")
@@ -204,3 +209,50 @@ def names_of_caches(page: Any) -> list[str]:
         return list(page.evaluate("(async () => caches.keys())()"))
     except Exception:  # the page is being left
         return []
+
+
+HERE = Path(__file__).parent
+
+
+def state_of(client: Somebody, map_id: str, parts: Path) -> dict[str, Any]:
+    """A signed package, its parts put into a folder."""
+    signed: dict[str, Any] = client.get(f"/api/maps/{map_id}/package").raise_for_status().json()
+    told = json.loads(signed["manifest"])
+    for part in [*told["tiles"], *told["features"], told["encoder"]]:
+        answer = client.get(f"/api/maps/{map_id}/package/{part['sha256']}").raise_for_status()
+        (parts / part["sha256"]).write_bytes(answer.content)
+    return signed
+
+
+def wanted(floor_map: FloorMap, file: Path) -> None:
+    """What a phone should hold of a map, as one block of float32."""
+    tiles = [tile.content for tile in tiles_of(floor_map)]
+    stretches = [(each.walk, each.content) for each in stretches_of(floor_map)]
+    read = map_of_parts(tiles, stretches, encoder="", sources=("",))
+    flat = read.covariance_m2.reshape(-1, 4)[:, [0, 1, 3]]
+    columns = (
+        read.walk,
+        read.order,
+        read.xy_m,
+        read.heading_rad,
+        flat,
+        read.weight,
+        read.payloads[0].vectors,
+    )
+    file.write_bytes(np.concatenate([c.ravel() for c in columns]).astype("<f4").tobytes())
+
+
+@needs_node
+def test_the_modules_that_keep_maps(owner: Somebody, maps: Maps, tmp_path: Path) -> None:
+    parts, first, second = tmp_path / "parts", *maps
+    parts.mkdir()
+    data = owner.services.settings.data_folder
+    map_id, other = plant_floor_map(data, first), plant_floor_map(data, second)
+    states = {"first": state_of(owner, map_id, parts), "other": state_of(owner, other, parts)}
+    plant_floor_map(data, second, map_id)
+    states["second"] = state_of(owner, map_id, parts)
+    told = {**states, "key": owner.get("/api/key").json(), "map": map_id, "otherMap": other}
+    (tmp_path / "states.json").write_text(json.dumps(told))
+    wanted(first, tmp_path / "first.f32")
+    wanted(second, tmp_path / "second.f32")
+    passed_in_node(HERE / "keeping.test.mjs", ELFSLAM_PACKAGES=tmp_path)

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import importlib
-import io
-import shutil
 import subprocess
 import sys
-import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache, partial
 from pathlib import Path
@@ -21,16 +18,12 @@ import pytest
 import soundfile
 
 from elfslam.stages.chirp import ChirpParameters, make_chirp
+from tests.serve.conftest import Json
+from tests.serve.pages.conftest import ARGUMENTS, CHROMIUM, PHONE, Pocket
+from tests.serve.uploading import unzipped
 from tests.waiting import until
 
-CHROMIUM = shutil.which("chromium")
-ARGUMENTS = (
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-background-networking",
-    "--use-fake-ui-for-media-stream",
-    "--use-fake-device-for-media-stream",
-)
+FAKE = ("--use-fake-ui-for-media-stream", "--use-fake-device-for-media-stream")
 PERMISSIONS = ("microphone", "accelerometer", "gyroscope", "screen-wake-lock")
 SENSORS = ("accelerometer", "gyroscope", "linear-acceleration")
 SERVE = "from elfslam.cli import main; main()"
@@ -40,11 +33,11 @@ HEARD_S = 10.0
 ACCELERATION_MPS2 = (0.3, 1.2, 9.7)
 TURNING_RADPS = (0.1, -0.2, 0.3)
 PATIENCE_S = 40.0
-RoomSound = Callable[[int, float], np.ndarray]
 
 
 @cache
-def _room_sound(rate_hz: int, duration_s: float) -> np.ndarray:
+def room_sound(rate_hz: int, duration_s: float) -> np.ndarray:
+    """Sound of chirps every 100 ms with echoes and noise, the first direct arrival after 43 ms."""
     chirp = make_chirp(ChirpParameters(), rate_hz).samples
     generator = np.random.default_rng(7)
     sound = 1e-4 * generator.standard_normal(round(duration_s * rate_hz))
@@ -73,16 +66,10 @@ def benchmark() -> Callable[[str], Any]:
 
 
 @pytest.fixture(scope="session")
-def room_sound() -> RoomSound:
-    """Sound of chirps every 100 ms with echoes and noise, the first direct arrival after 43 ms."""
-    return _room_sound
-
-
-@pytest.fixture(scope="session")
 def heard(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, np.ndarray]:
     """What the fake microphone hears: its file, and the 16-bit samples in it."""
     file = tmp_path_factory.mktemp("microphone") / "heard.wav"
-    sound = _room_sound(FAKE_MICROPHONE_HZ, HEARD_S)
+    sound = room_sound(FAKE_MICROPHONE_HZ, HEARD_S)
     last = round((0.043 + 9.9) * FAKE_MICROPHONE_HZ)
     whole = sound.copy()
     whole[last : last + 441] += 0.15 * make_chirp(ChirpParameters(), FAKE_MICROPHONE_HZ).samples
@@ -138,10 +125,11 @@ class Server:
 
     def download(self, recording: str, folder: Path) -> Path:
         """A recording as a folder."""
-        archive = self.ask(f"/api/recordings/{recording}/recording.zip").content
-        with zipfile.ZipFile(io.BytesIO(archive)) as files:
-            files.extractall(folder)
-        return next(folder.rglob("recording.json")).parent
+        folder.mkdir()
+        packed = self.ask(f"/api/recordings/{recording}/recording.zip").content
+        for name, content in unzipped(packed).items():
+            (folder / name).write_bytes(content)
+        return folder
 
 
 @pytest.fixture(scope="module")
@@ -167,12 +155,17 @@ class Phone:
 
     page: Any
     sensors: Any
-    address: str
+    server: Server
+    scratch: Path
     problems: list[str] = field(default_factory=list)
 
     def open(self) -> None:
         """Open the address of the QR code."""
-        self.page.goto(self.address)
+        self.page.goto(self.server.address)
+
+    def open_again(self) -> None:
+        """Open the page as who is paired already."""
+        self.page.goto(self.server.address.split("#")[0])
 
     def move(self) -> None:
         """Plant what the motion sensors read."""
@@ -211,6 +204,18 @@ class Phone:
         self.move()
         self.allow()
         self.start(name)
+
+    def finish(self) -> tuple[Path, Json]:
+        """Stop the walk and fetch it."""
+        self.page.click("#stop")
+        self.wait_for_text("#finish-said", "map is being made")
+        return self.fetch()
+
+    def fetch(self) -> tuple[Path, Json]:
+        """The one walk that the server has: its folder, and what is told of it."""
+        (told,) = self.server.recordings()
+        assert told["state"] == "ready"
+        return self.server.download(told["id"], self.scratch / "fetched"), told
 
     def text(self, selector: str) -> str:
         """What is written there."""
@@ -260,40 +265,33 @@ def locale() -> str:
 
 
 @pytest.fixture(scope="module")
-def play() -> Iterator[Any]:
-    """What starts browsers; stopped with the file, as others start their own."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    if CHROMIUM is None:
-        pytest.skip("chromium is missing: apt-get install chromium")
-    with playwright.sync_playwright() as started:
-        yield started
+def hears(heard: tuple[Path, np.ndarray]) -> dict[str, Any]:
+    """How a browser is started whose microphone hears the file."""
+    file = f"--use-file-for-fake-audio-capture={heard[0]}"
+    return {"args": [*ARGUMENTS, *FAKE, file], "ignore_default_args": ["--mute-audio"]}
 
 
 @pytest.fixture(scope="module")
-def browser(play: Any, heard: tuple[Path, np.ndarray]) -> Iterator[Any]:
+def browser(play: Any, hears: dict[str, Any]) -> Iterator[Any]:
     """A browser whose microphone hears the file."""
-    started = play.chromium.launch(
-        executable_path=CHROMIUM,
-        args=[*ARGUMENTS, f"--use-file-for-fake-audio-capture={heard[0]}"],
-        ignore_default_args=["--mute-audio"],
-    )
+    started = play.chromium.launch(executable_path=CHROMIUM, **hears)
     yield started
     started.close()
 
 
 @pytest.fixture
-def phone(server: Server, browser: Any, locale: str) -> Iterator[Phone]:
+def phone(server: Server, browser: Any, locale: str, tmp_path: Path) -> Iterator[Phone]:
     """A phone that was just handed over; whatever its page throws fails the test."""
     context = browser.new_context(
         locale=locale,
         permissions=list(PERMISSIONS),
-        viewport={"width": 390, "height": 844},
+        viewport=PHONE,
         has_touch=True,
         reduced_motion="reduce",
     )
     page = context.new_page()
     page.route("**/api/version", regular_chirps)
-    handed = Phone(page, context.new_cdp_session(page), server.address)
+    handed = Phone(page, context.new_cdp_session(page), server, tmp_path)
     page.on("pageerror", lambda error: handed.problems.append(str(error)))
     page.on("dialog", lambda dialog: dialog.accept())
     yield handed
@@ -301,40 +299,10 @@ def phone(server: Server, browser: Any, locale: str) -> Iterator[Phone]:
     assert handed.problems == []
 
 
-@dataclass
-class Pocket:
-    """A phone that is switched off and on; whatever its page throws fails the test."""
-
-    play: Any
-    profile: Path
-    sound: Path
-    problems: list[str] = field(default_factory=list)
-
-    @contextmanager
-    def on(self, width: int = 390, height: int = 844) -> Iterator[Any]:
-        """Its browser; gives the page."""
-        context = self.play.chromium.launch_persistent_context(
-            str(self.profile),
-            executable_path=CHROMIUM,
-            args=[*ARGUMENTS, f"--use-file-for-fake-audio-capture={self.sound}"],
-            ignore_default_args=["--mute-audio"],
-            permissions=list(PERMISSIONS),
-            viewport={"width": width, "height": height},
-            reduced_motion="reduce",
-            accept_downloads=True,
-        )
-        page = context.pages[0]
-        page.set_default_timeout(1500 * PATIENCE_S)
-        page.on("pageerror", lambda error: self.problems.append(str(error)))
-        try:
-            yield page
-        finally:
-            context.close()
-
-
 @pytest.fixture
-def pocket(play: Any, tmp_path: Path, heard: tuple[Path, np.ndarray]) -> Iterator[Pocket]:
-    """A phone that keeps what it keeps."""
-    handed = Pocket(play, tmp_path / "profile", heard[0])
+def pocket(play: Any, tmp_path: Path, hears: dict[str, Any]) -> Iterator[Pocket]:
+    """A phone that keeps what it keeps; whatever its page throws fails the test."""
+    more = {"permissions": list(PERMISSIONS), "reduced_motion": "reduce", "accept_downloads": True}
+    handed = Pocket(play, tmp_path / "profile", hears | more)
     yield handed
     assert handed.problems == []

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from elfslam.data.recordings import read_recording
-from tests.serve.pages.phone.test_phone_page import Heard, check_sound, fetched
+from tests.serve.pages.phone.test_phone_page import Heard, check_sound
 
 pytestmark = pytest.mark.real
 
@@ -71,12 +71,6 @@ def happen(phone: Any, what: str) -> Any:
     return phone.page.evaluate("(what) => window.happen[what]()", what)
 
 
-def finished(phone: Any, server: Any, folder: Path) -> Path:
-    phone.page.click("#stop")
-    phone.wait_for_text("#finish-said", "map is being made")
-    return fetched(server, folder)[0]
-
-
 def times_s(folder: Path, table: str) -> np.ndarray:
     return np.loadtxt(folder / table, delimiter=",", skiprows=1, usecols=0, ndmin=1)
 
@@ -103,7 +97,7 @@ def check_holes(folder: Path, count: int) -> None:
     assert recording.imu is not None
 
 
-def test_a_walk_goes_on_after_a_reload(phone: Any, server: Any, tmp_path: Path) -> None:
+def test_a_walk_goes_on_after_a_reload(phone: Any) -> None:
     phone.begin("Broken off")
     phone.record(20)
     phone.page.reload()
@@ -113,15 +107,13 @@ def test_a_walk_goes_on_after_a_reload(phone: Any, server: Any, tmp_path: Path) 
     assert phone.text("#record-title") == "Broken off"
     assert phone.text("#recording-badge").lower() == "recording"
     phone.record(20)
-    check_holes(finished(phone, server, tmp_path), 1)
-    phone.page.goto(server.address.split("#")[0])
+    check_holes(phone.finish()[0], 1)
+    phone.open_again()
     phone.walk(1)
     assert not phone.page.is_visible("#unfinished")
 
 
-def test_each_interruption_is_said_at_once_and_the_walk_goes_on(
-    phone: Any, server: Any, tmp_path: Path
-) -> None:
+def test_each_interruption_is_said_at_once_and_the_walk_goes_on(phone: Any) -> None:
     """A call, a dark screen, Siri, a muted microphone, and another call, which ends the walk."""
     phone.page.add_init_script(CAUGHT)
     phone.begin("Called")
@@ -160,7 +152,7 @@ def test_each_interruption_is_said_at_once_and_the_walk_goes_on(
 
     happen(phone, "taken")
     phone.wait_for(lambda: phone.page.is_visible("#resume"), "it is said")
-    check_holes(finished(phone, server, tmp_path), 3)
+    check_holes(phone.finish()[0], 3)
 
 
 def goes_on(phone: Any) -> None:
@@ -168,7 +160,7 @@ def goes_on(phone: Any) -> None:
     phone.record(20)
 
 
-def test_a_page_that_slept_says_for_how_long(phone: Any, server: Any, tmp_path: Path) -> None:
+def test_a_page_that_slept_says_for_how_long(phone: Any) -> None:
     phone.begin("Asleep")
     phone.walk(2)
     phone.sensors.send("Debugger.enable")
@@ -179,14 +171,12 @@ def test_a_page_that_slept_says_for_how_long(phone: Any, server: Any, tmp_path: 
     phone.wait_for_text("#pause", "This page was asleep for 0:0")
     assert not phone.page.is_visible("#resume")
     phone.walk(2)
-    folder = finished(phone, server, tmp_path)
+    folder, _ = phone.finish()
     assert np.diff(times_s(folder, "accelerometer.csv")).max() > 2.5
     assert times_s(folder, "baseband.csv")[-1] > 6
 
 
-def test_a_walk_of_which_the_sound_ran_otherwise_can_only_be_sent(
-    phone: Any, server: Any, heard: Heard, tmp_path: Path
-) -> None:
+def test_a_walk_of_which_the_sound_ran_otherwise_can_only_be_sent(phone: Any, heard: Heard) -> None:
     phone.begin("Other sound")
     phone.walk(4)
     phone.page.add_init_script(OTHER_RATE)
@@ -197,6 +187,6 @@ def test_a_walk_of_which_the_sound_ran_otherwise_can_only_be_sent(
     phone.wait_for_text("#unfinished", "Other sound")
     phone.page.click("text=Continue sending")
     phone.wait_for_text("#finish-said", "map is being made")
-    folder, _ = fetched(server, tmp_path)
+    folder, _ = phone.fetch()
     check_sound(folder, heard)
     assert len(times_s(folder, "baseband.csv")) > 15

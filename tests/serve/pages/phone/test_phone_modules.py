@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -19,12 +18,12 @@ from elfslam.world.interference import speech_like
 from studies.eavesdropping import FORMS
 from studies.speech import down, intelligibility
 from tests.in_node import needs_node, passed_in_node, run_node
+from tests.serve.pages.phone.conftest import room_sound
 
 HERE = Path(__file__).parent
 PAGES = HERE.parents[3] / "src" / "elfslam" / "serve" / "pages"
 RATES_HZ = (44_100, 48_000)
 SOUND_S = 1.45
-RoomSound = Callable[[int, float], np.ndarray]
 BASEBAND_HZ, CENTRE_HZ, FRAME_SAMPLES = 6300, 17_500.0, 504
 HALF_SUPPORT_S, KAISER_SHAPE, CUTOFF_HZ = 0.007, 14.0, 3150.0
 
@@ -73,7 +72,7 @@ def vectors_at(sound: np.ndarray, rate_hz: int) -> dict[str, object]:
 
 
 @pytest.fixture(scope="session")
-def vectors(tmp_path_factory: pytest.TempPathFactory, room_sound: RoomSound) -> Path:
+def vectors(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What Python computes, for the modules of the page to compare with."""
     file = tmp_path_factory.mktemp("vectors") / "vectors.json"
     given = {str(hz): vectors_at(room_sound(hz, SOUND_S), hz) for hz in RATES_HZ}
@@ -139,7 +138,7 @@ def manifest_of(rate_hz: int, kind: str) -> dict[str, object]:
 @pytest.mark.parametrize("kind", ["baseband", "whole"])
 @pytest.mark.parametrize("rate_hz", RATES_HZ)
 def test_what_the_page_keeps_is_the_sound_in_the_band(
-    tmp_path: Path, room_sound: RoomSound, rate_hz: int, kind: str
+    tmp_path: Path, rate_hz: int, kind: str
 ) -> None:
     sound = room_sound(rate_hz, SOUND_S)
     cut_in_node(tmp_path, sound, rate_hz, kind)
@@ -151,7 +150,7 @@ def test_what_the_page_keeps_is_the_sound_in_the_band(
 
 
 @needs_node
-def test_of_speech_the_page_keeps_what_python_says(tmp_path: Path, room_sound: RoomSound) -> None:
+def test_of_speech_the_page_keeps_what_python_says(tmp_path: Path) -> None:
     sound = room_sound(48_000, SOUND_S) + speech(1)
     page = page_keeps(tmp_path, sound, "baseband")
     ours = to_baseband(Audio(sound[None], 48_000), page.t_s)
@@ -163,7 +162,7 @@ def test_of_speech_the_page_keeps_what_python_says(tmp_path: Path, room_sound: R
 @needs_node
 @pytest.mark.parametrize("kind", ["baseband", "whole"])
 def test_of_what_the_page_keeps_speech_is_understood_as_if_nobody_spoke(
-    tmp_path: Path, room_sound: RoomSound, kind: str
+    tmp_path: Path, kind: str
 ) -> None:
     pytest.importorskip("pystoi", reason="pystoi is not installed")
     said, quiet, stoi = speech(2), room_sound(48_000, SOUND_S), intelligibility()

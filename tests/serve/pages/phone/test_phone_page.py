@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from elfslam.data.recordings import read_recording
 from elfslam.serve.settings import PAGES_FOLDER
 from elfslam.stages.chirp import describe_chirp
 from tests.accessibility import violations
+from tests.serve.planting import floor_map_of, picture, plant_floor_map
 
 RATE_HZ = 44_100
 HEIGHTS_PX = 48
@@ -58,19 +60,19 @@ def place_of(pattern: np.ndarray, sound: np.ndarray) -> int:
     return int(np.argmin(power[len(pattern) :] - power[: -len(pattern)] - 2 * match))
 
 
-def test_the_code_pairs_the_phone_and_leaves_no_token_behind(phone: Any, server: Any) -> None:
+def test_the_code_pairs_the_phone_and_leaves_no_token_behind(phone: Any) -> None:
     phone.open()
     phone.wait_for(lambda: "token" not in phone.page.url, "the token is gone")
     assert not phone.page.is_visible("#problem")
     cookie = phone.page.context.cookies()[0]
     assert (cookie["httpOnly"], cookie["sameSite"]) == (True, "Strict")
-    phone.page.goto(server.address.split("#")[0])
+    phone.open_again()
     phone.walk(0.5)
     assert not phone.page.is_visible("#problem")
 
 
-def test_a_phone_without_the_code_is_told_how_to_pair(phone: Any, server: Any) -> None:
-    phone.page.goto(server.address.split("#")[0] + "#token=wrong")
+def test_a_phone_without_the_code_is_told_how_to_pair(phone: Any) -> None:
+    phone.page.goto(phone.server.address.split("#")[0] + "#token=wrong")
     phone.wait_for_text("#problem", "this pairing token is not known here")
     assert phone.page.is_visible("#pair")
     assert "wrong" not in phone.page.url
@@ -117,28 +119,13 @@ def test_what_a_computer_lacks_is_told(phone: Any) -> None:
     phone.wait_for(lambda: not phone.page.is_visible("#awake"), "it does not matter any more")
 
 
-def finished(phone: Any, server: Any, folder: Path) -> tuple[Path, dict[str, Any]]:
-    """Stop the walk and fetch what the server has then."""
-    phone.page.click("#stop")
-    phone.wait_for_text("#finish-said", "map is being made")
-    return fetched(server, folder)
-
-
-def fetched(server: Any, folder: Path) -> tuple[Path, dict[str, Any]]:
-    (told,) = server.recordings()
-    assert told["state"] == "ready"
-    return server.download(told["id"], folder / "fetched"), told
-
-
-def test_what_was_heard_and_moved_is_what_the_server_has(
-    phone: Any, server: Any, heard: Heard, tmp_path: Path
-) -> None:
+def test_what_was_heard_and_moved_is_what_the_server_has(phone: Any, heard: Heard) -> None:
     phone.begin("Once around")
     phone.walk(6)
     share = int(phone.text("#heard").removesuffix(" %"))
     assert not phone.page.is_visible("#awake"), "the screen stays on"
     assert not phone.page.is_visible("#tapping"), "there is no plan on the phone"
-    folder, told = finished(phone, server, tmp_path)
+    folder, told = phone.finish()
     manifest = json.loads((folder / "recording.json").read_text())
     capture = manifest["capture"]
     assert capture["missed"] <= broken(capture)
@@ -187,9 +174,7 @@ def check_motion(folder: Path, end_s: float) -> None:
     assert 45 < len(accelerometer) / end_s < 65
 
 
-def test_the_band_is_kept_as_sound_and_nothing_else(
-    phone: Any, server: Any, heard: Heard, tmp_path: Path
-) -> None:
+def test_the_band_is_kept_as_sound_and_nothing_else(phone: Any, heard: Heard) -> None:
     phone.open()
     phone.move()
     phone.allow()
@@ -200,7 +185,7 @@ def test_the_band_is_kept_as_sound_and_nothing_else(
         phone.page.fill(f"#start-{field}", value)
     phone.page.click("text=Start walking")
     phone.walk(4)
-    folder, _ = finished(phone, server, tmp_path)
+    folder, _ = phone.finish()
     manifest = json.loads((folder / "recording.json").read_text())
     assert manifest["start_pose"] == pytest.approx([1.5, -2, np.pi / 2])
     frames = soundfile.read(folder / "frames.wav", dtype="int16")[0].reshape(-1, 3528)
@@ -220,9 +205,7 @@ def largest_difference(frame: np.ndarray, sound: np.ndarray) -> float:
     return float(abs(sound[start : start + len(frame)] - frame).max())
 
 
-def test_no_server_and_none_with_room_lose_nothing(
-    phone: Any, server: Any, heard: Heard, tmp_path: Path
-) -> None:
+def test_no_server_and_none_with_room_lose_nothing(phone: Any, heard: Heard) -> None:
     """The network is lost, then the server is killed, then its disk is full."""
     refusal = json.dumps({"status": 507, "detail": "the disk is full"})
 
@@ -241,7 +224,7 @@ def test_no_server_and_none_with_room_lose_nothing(
     assert phone.text("#sent") == sent
     phone.page.context.set_offline(False)
     phone.wait_for_text("#network-said", "Connected")
-    port = server.port
+    server, port = phone.server, phone.server.port
     server.stop()
     phone.wait_for_text("#network-said", "No network")
     server.start(port)
@@ -249,7 +232,7 @@ def test_no_server_and_none_with_room_lose_nothing(
     phone.page.route("**/api/uploads/*", refuse)
     phone.wait_for_text("#network-said", "disk is full")
     phone.page.unroute("**/api/uploads/*")
-    folder, _ = finished(phone, server, tmp_path)
+    folder, _ = phone.finish()
     check_sound(folder, heard)
 
 
@@ -261,9 +244,7 @@ def check_sound(folder: Path, heard: Heard) -> None:
     check_frames(audio.samples[0], starts_s, heard)
 
 
-def test_a_walk_without_network_is_sent_when_it_is_back(
-    phone: Any, server: Any, heard: Heard, tmp_path: Path
-) -> None:
+def test_a_walk_without_network_is_sent_when_it_is_back(phone: Any, heard: Heard) -> None:
     phone.open()
     phone.move()
     phone.allow()
@@ -272,13 +253,13 @@ def test_a_walk_without_network_is_sent_when_it_is_back(
     phone.walk(4)
     phone.page.click("#stop")
     phone.wait_for_text("#finish-trouble", "No network")
-    assert server.recordings() == []
+    assert phone.server.recordings() == []
     phone.page.context.set_offline(False)
     phone.wait_for_text("#finish-said", "map is being made")
-    check_sound(fetched(server, tmp_path)[0], heard)
+    check_sound(phone.fetch()[0], heard)
 
 
-def test_a_walk_outlives_its_page(phone: Any, server: Any, heard: Heard, tmp_path: Path) -> None:
+def test_a_walk_outlives_its_page(phone: Any, heard: Heard) -> None:
     """Here in a browser without a file system of its own: the database keeps the bytes."""
     begins = "export async function openOpfsStore() {"
     stores = (PAGES_FOLDER / "phone" / "byte_stores.js").read_text(encoding="utf-8")
@@ -294,15 +275,15 @@ def test_a_walk_outlives_its_page(phone: Any, server: Any, heard: Heard, tmp_pat
     phone.wait_for_text("#unfinished", "Broken off")
     phone.page.click("text=Continue sending")
     phone.wait_for_text("#finish-said", "map is being made")
-    folder, _ = fetched(server, tmp_path)
+    folder, _ = phone.fetch()
     check_sound(folder, heard)
     assert len(frame_times_s(folder)) > 35
-    phone.page.goto(server.address.split("#")[0])
+    phone.open_again()
     phone.walk(1)
     assert not phone.page.is_visible("#unfinished")
 
 
-def test_an_unfinished_walk_can_be_discarded(phone: Any, server: Any) -> None:
+def test_an_unfinished_walk_can_be_discarded(phone: Any) -> None:
     phone.begin("Not wanted")
     phone.walk(2)
     phone.page.reload()
@@ -313,25 +294,23 @@ def test_an_unfinished_walk_can_be_discarded(phone: Any, server: Any) -> None:
     phone.page.click("#unfinished >> text=Discard")
     phone.page.click("dialog[open] >> text='Discard'")
     phone.wait_for(lambda: not phone.page.is_visible("#unfinished"), "the walk is gone")
-    phone.wait_for(lambda: server.recordings() == [], "it is gone on the server")
+    phone.wait_for(lambda: phone.server.recordings() == [], "it is gone on the server")
     phone.page.reload()
     phone.walk(1)
     assert not phone.page.is_visible("#unfinished")
 
 
-def test_a_full_phone_ends_the_walk_and_keeps_it(
-    phone: Any, server: Any, heard: Heard, tmp_path: Path
-) -> None:
+def test_a_full_phone_ends_the_walk_and_keeps_it(phone: Any, heard: Heard) -> None:
     phone.begin()
     phone.walk(5)
-    origin = server.address.split("/#")[0]
+    origin = phone.server.address.split("/#")[0]
     given = {"origin": origin, "quotaSize": 150_000}
     phone.sensors.send("Storage.overrideQuotaForOrigin", given)
     phone.wait_for_text("#problem", "no room left")
     phone.sensors.send("Storage.overrideQuotaForOrigin", {"origin": origin})
     phone.wait_for(lambda: phone.page.is_visible("#finish"), "the walk has ended")
     phone.wait_for_text("#finish-said", "map is being made")
-    check_sound(fetched(server, tmp_path)[0], heard)
+    check_sound(phone.fetch()[0], heard)
 
 
 def test_every_view_fits_and_every_target_is_large(phone: Any) -> None:
@@ -391,3 +370,81 @@ def test_the_page_is_used_by_keyboard_alone(phone: Any) -> None:
         phone.page.keyboard.press("Enter")
     phone.wait_for(lambda: phone.page.is_visible("#stop"), "the walk begins")
     assert phone.page.evaluate("() => document.activeElement.id") == "record-title"
+
+
+WIDTH_M, DEPTH_M, MARGIN_PX = 8.0, 4.0, 12
+MIDDLE_M = (WIDTH_M / 2, DEPTH_M / 2)
+
+
+@pytest.fixture
+def planned(server: Any) -> Iterator[str]:
+    """A map on the server with a plan of 8 m by 4 m, in the middle of which is a door."""
+    xy_m = np.array([[1.0, 1.0], [7.0, 3.0]])
+    map_id = plant_floor_map(server.data, floor_map_of(xy_m, np.eye(2, 128, dtype=np.float32)))
+    plan, kind = f"/api/maps/{map_id}/floor-plan", {"Content-Type": "image/png"}
+    server.ask(plan, "PUT", content=picture("PNG", 400, 200), headers=kind)
+    server.ask(f"{plan}/placement", "PUT", json={"width_m": WIDTH_M, "x_m": 0, "y_m": 0})
+    door = {"name": "Way in", "kind": "door", "x_m": MIDDLE_M[0], "y_m": MIDDLE_M[1]}
+    points = {"version": "", "points": [door]}
+    server.ask(f"/api/maps/{map_id}/points-of-interest", "PUT", json=points)
+    yield map_id
+    server.ask(f"/api/maps/{map_id}", "DELETE")
+
+
+def take_map(phone: Any) -> None:
+    """Pair, and get the map onto the phone."""
+    phone.open()
+    phone.page.click("#where")
+    phone.page.click("text=Get this map")
+    phone.page.wait_for_selector("text=Find me here")
+    phone.page.goto("about:blank")
+
+
+def write_the_next_at_once(page: Any, name: str) -> None:
+    """Mark the place whose name is in the field; the next name is there before anything else."""
+    page.evaluate(
+        """(name) => {
+            document.getElementById("mark").requestSubmit();
+            document.getElementById("mark-name").value = name;
+        }""",
+        name,
+    )
+
+
+def test_places_tapped_on_the_plan_come_with_the_walk(phone: Any, planned: str) -> None:
+    take_map(phone)
+    phone.begin("With a plan")
+    assert not phone.page.is_visible("#marks-again")
+    phone.page.click("text=Tap the place on a floor plan")
+    canvas = phone.page.locator("#tapping-stage canvas")
+    canvas.wait_for()
+    box = canvas.bounding_box()
+    middle = {"x": box["width"] / 2, "y": box["height"] / 2}
+    canvas.click(position=middle)
+    assert phone.page.input_value("#mark-name") == "Way in"
+    phone.page.click("text=I am here")
+    phone.wait_for_text("#tapping-said", "1 place tapped on the plan")
+    assert phone.page.locator("#tapping-map").is_disabled()
+    assert violations(phone.page) == []
+    px_per_m = min(
+        (box["width"] - 2 * MARGIN_PX) / WIDTH_M, (box["height"] - 2 * MARGIN_PX) / DEPTH_M
+    )
+    canvas.click(position={"x": middle["x"] + 2 * px_per_m, "y": middle["y"] - px_per_m})
+    phone.page.fill("#mark-name", 'Door, "left"')
+    write_the_next_at_once(phone.page, "Somewhere")
+    phone.page.click("text=I am here")
+    phone.page.wait_for_function("!document.getElementById('mark-name').value")
+    phone.walk(2)
+    phone.page.get_by_role("button", name="I am at Way in again").click()
+    phone.page.get_by_role("button", name='I am at Door, "left" again').wait_for()
+    folder, _ = phone.finish()
+    assert json.loads((folder / "recording.json").read_text())["tapped_on"] == planned
+    told = read_recording(folder).checkpoints
+    assert told is not None
+    assert told.names == ("Way in", 'Door, "left"', "Somewhere", "Way in")
+    assert 1.9 < np.diff(told.t_s)[-1] < 5
+    assert told.t_s[-1] < frame_times_s(folder)[-1] + 1
+    assert told.xy_m is not None
+    np.testing.assert_allclose(told.xy_m[[0, 3]], [MIDDLE_M, MIDDLE_M], atol=0.05)
+    np.testing.assert_allclose(told.xy_m[1], np.add(MIDDLE_M, [2, 1]), atol=0.05)
+    assert np.isnan(told.xy_m[2]).all()

@@ -16,15 +16,13 @@ from elfslam.base.values import Audio, FixStatus, FloorMap, Payload
 from elfslam.data.position_files import read_fixes
 from elfslam.serve.buildings.publishing import Spot, floor_of, publish, withdraw
 from elfslam.serve.buildings.senses import WifiFindParameters
-from elfslam.serve.services import open_services
-from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.database import transaction
 from elfslam.serve.store.tables import Map
 from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.stages.echo import EchoParameters, cut_echoes
 from elfslam.stages.feature import extract_features, load_encoder
 from tests.serve.pages.phone.conftest import Server
-from tests.serve.planting import plant_floor_map
+from tests.serve.planting import floor_map_of, opened, plant_floor_map
 from tests.waiting import until
 
 HERE_M = (3.0, 2.0)
@@ -64,16 +62,7 @@ def map_of(sound: np.ndarray, rate_hz: int) -> FloorMap:
     generator = np.random.default_rng(3)
     vectors = generator.normal(0, 0.09, (len(xy_m), 128)).astype(np.float32)
     vectors[int(np.argmin(np.linalg.norm(xy_m - HERE_M, axis=1)))] = heard
-    return FloorMap(
-        xy_m=xy_m,
-        heading_rad=np.full(len(xy_m), np.pi / 2),
-        walk=np.zeros(len(xy_m), dtype=np.int64),
-        order=np.arange(len(xy_m)),
-        covariance_m2=np.tile(0.01 * np.eye(2), (len(xy_m), 1, 1)),
-        payloads=(Payload("elf", encoder.identity, vectors),),
-        parameters_digest="",
-        sources=("walk",),
-    )
+    return floor_map_of(xy_m, vectors, np.pi / 2)
 
 
 @pytest.fixture(scope="module")
@@ -92,14 +81,10 @@ def running_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]
 
 
 @pytest.fixture
-def map_id(server: Any, heard_map: FloorMap, tmp_path: Path) -> Iterator[str]:
+def map_id(server: Any, heard_map: FloorMap) -> Iterator[str]:
     """That map, put on the server where a job would have left it."""
-    folder = tmp_path / "map"
-    folder.mkdir()
-    services = open_services(ServerSettings(server.data))
-    made_id = plant_floor_map(services, heard_map, folder)
+    made_id = plant_floor_map(server.data, heard_map)
     yield made_id
-    services.engine.dispose()
     if server.process is None:
         server.start(server.port)
     server.ask(f"/api/maps/{made_id}", "DELETE")
@@ -108,12 +93,11 @@ def map_id(server: Any, heard_map: FloorMap, tmp_path: Path) -> Iterator[str]:
 @pytest.fixture
 def published(server: Any, map_id: str) -> Iterator[str]:
     """That map as a floor of a building, which somebody else may find."""
-    services = open_services(ServerSettings(server.data))
     spot = Spot("North Mall", 2, 47.3769, 8.5417)
-    made = publish(services, floor_of(services, map_id, spot, [], WifiFindParameters()))
-    yield made.map_id
-    withdraw(services, "North Mall", 2)
-    services.engine.dispose()
+    with opened(server.data) as services:
+        made = publish(services, floor_of(services, map_id, spot, [], WifiFindParameters()))
+        yield made.map_id
+        withdraw(services, "North Mall", 2)
 
 
 def get_map(page: Any, server: Any) -> None:
@@ -213,19 +197,14 @@ STAIRS = {
 }  # fmt: skip
 
 
-def joined_above(
-    server: Any, map_id: str, above: FloorMap, folder: Path
-) -> Iterator[tuple[str, str]]:
+def joined_above(server: Any, map_id: str, above: FloorMap) -> Iterator[tuple[str, str]]:
     """That map as floor 0 with another above it, joined by stairs; floor 1 has a Room 5."""
-    services = open_services(ServerSettings(server.data))
-    folder.mkdir()
-    ids = (map_id, plant_floor_map(services, above, folder))
+    ids = (map_id, plant_floor_map(server.data, above))
     for level, each in enumerate(ids):
-        with transaction(services.sessions) as session:
+        with opened(server.data) as services, transaction(services.sessions) as session:
             row = session.get_one(Map, each)
             row.name, row.floor = f"Mall {level}", str(level)
             row.facts = {"level": level, "frame": map_id, "passages": [STAIRS]}
-    services.engine.dispose()
     named = [{"name": "Room 5", "kind": "room", "x_m": 0.0, "y_m": 1.0}]
     points = f"/api/maps/{ids[1]}/points-of-interest"
     server.ask(points, "PUT", json={"version": "", "points": named})
@@ -236,22 +215,18 @@ def joined_above(
 
 
 @pytest.fixture
-def alike(
-    map_id: str, server: Any, heard_map: FloorMap, tmp_path: Path
-) -> Iterator[tuple[str, str]]:
+def alike(map_id: str, server: Any, heard_map: FloorMap) -> Iterator[tuple[str, str]]:
     """A building of two floors that sound the same."""
-    yield from joined_above(server, map_id, heard_map, tmp_path / "above")
+    yield from joined_above(server, map_id, heard_map)
 
 
 @pytest.fixture
-def unlike(
-    map_id: str, server: Any, heard_map: FloorMap, tmp_path: Path
-) -> Iterator[tuple[str, str]]:
+def unlike(map_id: str, server: Any, heard_map: FloorMap) -> Iterator[tuple[str, str]]:
     """A building of which floor 0 alone sounds as the fake microphone does."""
     (heard,) = heard_map.payloads
     other = Payload("elf", heard.encoder, np.roll(heard.vectors, 1, axis=1))
     above = replace(heard_map, payloads=(other,))
-    yield from joined_above(server, map_id, above, tmp_path / "above")
+    yield from joined_above(server, map_id, above)
 
 
 @contextmanager
@@ -365,9 +340,7 @@ def test_a_guest_is_located_by_a_link_and_without_an_account(
         page.locator("#problem", has_text="this link was withdrawn").wait_for()
 
 
-def test_a_floor_is_found_by_where_the_phone_is(
-    pocket: Any, server: Any, heard_map: FloorMap, published: str
-) -> None:
+def test_a_floor_is_found_by_where_the_phone_is(pocket: Any, server: Any, published: str) -> None:
     floor = f"[data-map='{published}']"
     with pocket.on() as page:
         page.clock.install()

@@ -1,4 +1,4 @@
-// The vote on floors in the page against elfslam.slam.floor_location, on the vectors of test_floor_module.py.
+// The vote on floors in the page against elfslam.slam.floor_location, on the vectors of test_growing_modules.py.
 
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +19,6 @@ pytestmark = pytest.mark.real
 
 HERE = Path(__file__).parent
 PAGES = HERE.parents[3] / "src" / "elfslam" / "serve" / "pages"
-CHROMIUM = shutil.which("chromium")
-ARGUMENTS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking")
 TYPES = {
     ".html": "text/html",
     ".js": "text/javascript",
@@ -45,11 +42,8 @@ def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def said(given: Path) -> dict[str, Any]:
+def said(given: Path, browser: Any) -> dict[str, Any]:
     """What the worker says."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    if CHROMIUM is None:
-        pytest.skip("chromium is missing: apt-get install chromium")
     folders = {"test": HERE, "given": given}
 
     def answer(route: Any) -> None:
@@ -60,15 +54,13 @@ def said(given: Path) -> dict[str, Any]:
         headers = {"Content-Type": kind, "Content-Security-Policy": CONTENT_POLICY}
         route.fulfill(body=file.read_bytes(), headers=headers)
 
-    with playwright.sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=CHROMIUM, args=list(ARGUMENTS))
-        context = browser.new_context()
-        context.route("http://localhost/**", answer)
-        page = context.new_page()
-        page.goto("http://localhost/test/encoder.html")
-        page.wait_for_selector("#result:not(:empty)", timeout=60_000)
-        told: dict[str, Any] = json.loads(page.inner_text("#result"))
-        browser.close()
+    context = browser.new_context()
+    context.route("http://localhost/**", answer)
+    page = context.new_page()
+    page.goto("http://localhost/test/encoder.html")
+    page.wait_for_selector("#result:not(:empty)", timeout=60_000)
+    told: dict[str, Any] = json.loads(page.inner_text("#result"))
+    context.close()
     assert "failed" not in told, told["failed"]
     return told
 

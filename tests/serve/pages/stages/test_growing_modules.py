@@ -1,20 +1,23 @@
-"""The walk that grows in the page, in node: its graph and its closures are those of the line."""
+"""Graphs, closures, floors and ways of the page in node: those of the pipeline in Python."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from elfslam.base.building import Passage
 from elfslam.base.geometry import compose
-from elfslam.base.values import Closures, MeanSimilarity, Odometry
+from elfslam.base.values import Closures, LevelPassage, MeanSimilarity, Odometry
+from elfslam.slam.floor_location import floors_by_vote
 from elfslam.stages.closure import BACK, ClosureParameters, candidates
 from elfslam.stages.feature import attenuation_of
 from elfslam.stages.graph import GraphParameters, build_graph, optimise
-from tests.in_node import needs_node, passed_in_node
+from elfslam.stages.levels import LevelParameters
+from elfslam.stages.ways import LevelPosition, Route, way, way_graph
+from tests.in_node import agrees_in_node, needs_node
 
 HERE = Path(__file__).parent
 LAP = 40
@@ -101,6 +104,95 @@ def closure_vectors() -> dict[str, Any]:
 @needs_node
 def test_graph_and_closures_are_those_of_the_line(tmp_path: Path) -> None:
     vectors = {"walks": [graph_vectors(seed) for seed in (1, 2, 3)], **closure_vectors()}
-    file = tmp_path / "growing.json"
-    file.write_text(json.dumps(vectors))
-    passed_in_node(HERE / "growing.test.mjs", ELFSLAM_VECTORS=file)
+    agrees_in_node(HERE / "growing.test.mjs", vectors, tmp_path)
+
+
+EVERY_S = 0.5
+"""Half a span is a whole number of these."""
+
+
+def scene(seed: int, levels: list[int], parameters: LevelParameters) -> dict[str, Any]:
+    """Scores of a walk that changes floors now and then, with silence, and what Python votes."""
+    generator = np.random.default_rng(seed)
+    t_s = EVERY_S * np.arange(400)
+    scores = generator.uniform(0.2, 0.4, (len(t_s), len(levels)))
+    stays = np.repeat(generator.integers(0, len(levels), 5), len(t_s) // 5)
+    scores[np.arange(len(t_s)), stays] += generator.uniform(-0.1, 0.2, len(t_s))
+    scores[generator.random(len(t_s)) < 0.1] = np.nan
+    scores[160:240] = np.nan
+    level, sure = floors_by_vote(t_s, scores, levels, None, parameters)
+    return {
+        "levels": levels,
+        "parameters": {name: asdict(parameters)[name] for name in ("vote_s", "least_lead")},
+        "t_s": t_s.tolist(),
+        "scores": [[None if np.isnan(each) else each for each in row] for row in scores.tolist()],
+        "level": level.tolist(),
+        "sure": sure.tolist(),
+    }
+
+
+@needs_node
+def test_the_vote_is_that_of_python(tmp_path: Path) -> None:
+    known = LevelParameters()
+    scenes = [scene(seed, [-1, 0, 1, 2], known) for seed in range(3)]
+    scenes += [scene(3, [0, 3], LevelParameters(vote_s=7.0, least_lead=0.1)), scene(4, [2], known)]
+    told = {
+        (each, sure)
+        for one in scenes[:3]
+        for each, sure in zip(one["level"], one["sure"], strict=True)
+    }
+    assert {sure for _, sure in told} == {True, False}
+    assert len({each for each, sure in told if sure}) > 2
+    agrees_in_node(HERE / "floor_location.test.mjs", scenes, tmp_path)
+
+
+def building_vectors(seed: int) -> dict[str, Any]:
+    """Three floors of random ground, an island on one, passages of every kind, and their ways."""
+    generator = np.random.default_rng(seed)
+    ground = {level: generator.uniform(-4, 6, (700, 2)) for level in (-1, 0, 1)}
+    ground[1] = np.vstack([ground[1], generator.uniform(20, 22, (60, 2))])
+    ends = [(a, b) for a, b in generator.uniform(-5, 7, (8, 2)).tolist()]
+    joined = zip(
+        (LevelPassage.STAIRS, LevelPassage.LIFT, LevelPassage.ESCALATOR, LevelPassage.ESCALATOR),
+        ((-1, 0), (-1, 1), (0, 1), (1, 0)),
+        ends[::2],
+        ends[1::2],
+        strict=True,
+    )
+    passages = [Passage(kind, *levels, a, b, 9.5) for kind, levels, a, b in joined]
+    graph, asked = way_graph(ground, passages), []
+    for row in generator.uniform(-5, 7, (40, 4)).tolist():
+        start, goal = (
+            LevelPosition(int(level), (x, y))
+            for level, x, y in zip(generator.integers(-1, 2, 2), row[::2], row[1::2], strict=True)
+        )
+        asked.append((start, goal))
+    asked.append((LevelPosition(0, (0.0, 0.0)), LevelPosition(1, (21.0, 21.0))))
+    asked.append((LevelPosition(0, (0.0, 0.0)), LevelPosition(0, (0.3, 0.4))))
+    return {
+        "floors": [{"level": k, "points": xy_m.tolist()} for k, xy_m in ground.items()],
+        "passages": [asdict(each) for each in passages],
+        "asked": [
+            {"start": asdict(one), "goal": asdict(other), "wanted": told(way(graph, one, other))}
+            for one, other in asked
+        ],
+    }
+
+
+def told(route: Route | None) -> dict[str, Any] | None:
+    if route is None:
+        return None
+    legs = [
+        {"level": each.level, "xy_m": each.xy_m.tolist(), "leaves_by": each.leaves_by}
+        for each in route.legs
+    ]
+    return {"length_m": route.length_m, "duration_s": route.duration_s, "legs": legs}
+
+
+@needs_node
+def test_ways_are_those_of_python(tmp_path: Path) -> None:
+    vectors = building_vectors(7)
+    wanted = [each["wanted"] for each in vectors["asked"]]
+    assert wanted[-2] is None, "nobody walked to the island"
+    assert {len(each["legs"]) for each in wanted if each} >= {1, 2}
+    agrees_in_node(HERE / "ways.test.mjs", vectors, tmp_path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from scipy.spatial import cKDTree
 from elfslam.base.geometry import between
 from elfslam.base.values import FixStatus, FloorMap
 from elfslam.stages.track import Tracker, TrackParameters
-from tests.in_node import needs_node, passed_in_node
+from tests.in_node import agrees_in_node, needs_node
 
 HERE = Path(__file__).parent
 DOUBTED = (0, 9, 10, 11)
@@ -130,7 +129,7 @@ def nearest_vectors() -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def track_vectors(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+def track_vectors() -> dict[str, Any]:
     known = replace(TrackParameters(), particles=225)
     walks = [walk_vectors(seed, known) for seed in range(2)]
     return {"walks": [*walks, walk_vectors(2, TrackParameters())], "nearest": nearest_vectors()}
@@ -138,9 +137,7 @@ def track_vectors(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 @needs_node
 def test_the_tracker_is_that_of_the_line(track_vectors: dict[str, Any], tmp_path: Path) -> None:
-    file = tmp_path / "track.json"
-    file.write_text(json.dumps(track_vectors))
-    passed_in_node(HERE / "track.test.mjs", ELFSLAM_VECTORS=file)
+    agrees_in_node(HERE / "track.test.mjs", track_vectors, tmp_path)
 
 
 def test_the_walks_meet_every_status(track_vectors: dict[str, Any]) -> None:
