@@ -1,7 +1,5 @@
 """`python -m studies NAME`, `all` or `render`: measure, measure what is stale, show."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 from pathlib import Path

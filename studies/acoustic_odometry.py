@@ -1,7 +1,5 @@
 """Acoustic odometry: is a walk of better scale when the echoes say how long the steps are?"""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

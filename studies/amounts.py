@@ -4,8 +4,6 @@ After the paper's figures on pre-training and fine-tuning data. Walks are in two
 development together.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

@@ -3,8 +3,6 @@
 Levels are in dB against the phone's own loudspeaker, and of a replay against what was recorded.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial

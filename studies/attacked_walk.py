@@ -4,8 +4,6 @@ The sound of the walk is kept apart from what an attacker adds, so that many att
 one walk. The room, its kernels and the phones are those of the simulator.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ A query walk goes through a mapped place, and from some moment on an attacker pl
 Honest walks, with everything that a place may have but no attacker, give the false alarms.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache

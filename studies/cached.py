@@ -4,8 +4,6 @@ They are kept by what they were made of, with a digest of the code that made the
 `ELFSLAM_CACHE` (the user's cache where it is not named; nothing is kept where it is empty).
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 from collections.abc import Callable, Collection, Mapping

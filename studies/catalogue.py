@@ -1,7 +1,5 @@
 """The studies by name, how one is run, and how all that are stale are."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager

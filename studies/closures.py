@@ -1,7 +1,5 @@
 """Loop closures step by step: precision and recall after each, and the maps that they make."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 

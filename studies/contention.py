@@ -1,7 +1,5 @@
 """Phones in one room, with and without slotted medium access: frames spoiled, and fixes left."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache

@@ -3,8 +3,6 @@
 Each chirps by what it has heard so far, or at will.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 

@@ -6,8 +6,6 @@ DBSCAN groups the candidates of each slice, RANSAC keeps a line per group, and a
 if its mirror image, curated in another slice, survived as well.
 """
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import dataclass
 

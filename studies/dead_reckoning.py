@@ -1,7 +1,5 @@
 """How far dead reckoning leads astray: on all walks of two mall floors, and on simulated ones."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

@@ -8,8 +8,6 @@ and what moved. The desk loads the demonstration building: two floors of an offi
 one walk, and a walk by somebody else on the upper floor, which is to be merged.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import shutil

@@ -5,8 +5,6 @@ the measured room a microphone moved beside a fixed source, which is as much as 
 half as far. Features lose what the places have in common, as those of a walk do.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

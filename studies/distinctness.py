@@ -1,7 +1,5 @@
 """How distinct echoes are from spot to spot: 128 spots of the lab, by chirp and by single tone."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial

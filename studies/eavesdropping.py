@@ -1,7 +1,5 @@
 """What somebody who has the frames of a walk could do to hear what was said near the phone."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Does a feature know a place again? Footsteps of different rounds, at one place or elsewhere."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Our echoes beside those of pyroomacoustics: the same random rooms, order and paths."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

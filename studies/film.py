@@ -7,8 +7,6 @@ what each step took, of seconds and taps. With `--clone` they are those of a fre
 installation is timed as well.
 """
 
-from __future__ import annotations
-
 import argparse
 import io
 import subprocess

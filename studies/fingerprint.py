@@ -3,8 +3,6 @@
 It needs labelled echoes of every spot, which is what the ELF does without.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ A threshold too high leaves most queries of another phone on another day unanswe
 answers where nobody has mapped. The three ways of locating have thresholds of their own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Maps placed on floor plans by where people can walk: placed rightly, wrongly, or refused."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Thousands of spots in four directions: what superimposition is worth there (section 6.7)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path

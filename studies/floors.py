@@ -4,8 +4,6 @@ Walks are mapped and located as `elfslam map` and `elfslam locate` do by default
 stands the plain spectrogram: it tells floors and places of the map that was made by ELFs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import cast

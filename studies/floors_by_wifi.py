@@ -4,8 +4,6 @@ Of the mall, every other walk maps and the others ask; the city is that of seed 
 tuned on either: parameters were chosen in the city of seed 100.
 """
 
-from __future__ import annotations
-
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

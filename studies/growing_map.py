@@ -4,8 +4,6 @@ Walks in rooms and a hall for development, their motion and echoes through the p
 node; the pipeline's map of the whole walk stands beside it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from statistics import median

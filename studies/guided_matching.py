@@ -4,8 +4,6 @@ Beside it stands what came with it, sigmas of closures that fall with their scor
 with neighbours. In worlds and by seeds on which neither was chosen.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain

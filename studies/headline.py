@@ -8,8 +8,6 @@ stands beside what these walks gave when the limit was set. Exit code 1 where on
 Then the studies whose results are older than their code, red as well; with --strict they count.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from argparse import RawTextHelpFormatter

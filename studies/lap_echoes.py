@@ -4,8 +4,6 @@ Echoes are rendered chirp by chirp and cut as the line cuts them, so that forty 
 Where a phone was is the truth.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache

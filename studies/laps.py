@@ -6,8 +6,6 @@ the feature's own. What another phone alone changes, and another day alone, is a
 A map of several laps is answered by the best of their answers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial

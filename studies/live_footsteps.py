@@ -5,8 +5,6 @@ asked for ten times a second. Of the footsteps in common: how far they lie apart
 one is when it is given out.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

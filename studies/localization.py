@@ -4,8 +4,6 @@ Echoes and baselines are each located in the map that they made themselves. Feat
 where every window is answered, as each would need a threshold of its own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """What a fix costs: time per fix and memory of the map, by the number of its spots."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields

@@ -1,7 +1,5 @@
 """One person maps a place, another is located in the map: what several studies share."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass
 

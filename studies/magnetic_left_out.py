@@ -4,8 +4,6 @@ Thresholds and sigmas are chosen on the other sets, with drifts of their own, an
 drifts of the set that was left out. Beside the four published walks stands a simulated hall.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

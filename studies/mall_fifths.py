@@ -4,8 +4,6 @@ Mapping walks begin at a known place, query walks anywhere. The labelled baselin
 mapped scan was made.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial

@@ -1,7 +1,5 @@
 """All walks of a mall floor in one map: Wi-Fi and the magnetic field between people's walks."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice

@@ -1,7 +1,5 @@
 """Query walks located in maps that many people's walks were merged into, by laps mapped."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 

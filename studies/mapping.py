@@ -3,8 +3,6 @@
 Beside the ELF stand plain features, which need no training, each with a threshold of its own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

@@ -5,8 +5,6 @@ corrected for what noise takes of them, or left as they are; fixes go by cosines
 correction does not reach.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """A room mapped one way round, queried the other: what superimposing two walks is worth."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

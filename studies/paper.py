@@ -8,8 +8,6 @@ sound is that of the diffuse engine, phones are ordinary ones, rooms are lived i
 fitted to these results.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace

@@ -4,8 +4,6 @@ What stands for many walks is measured by the studies of its own: this one shows
 of. The excitation and the spectrograms are of the lab, the matrix is of the mall.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial

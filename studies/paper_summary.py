@@ -4,8 +4,6 @@ Every part of `docs/paper.md` that has a figure or table is here, with the study
 the rows that are to be compared. Counted is what stands in `results/` when this runs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

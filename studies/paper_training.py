@@ -3,8 +3,6 @@
 From random weights the second gives its "ELF without pre-training", which has heard a walk alone.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

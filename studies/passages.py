@@ -1,7 +1,5 @@
 """Map matching: what the walls and furniture of a floor plan put right in a walk."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 

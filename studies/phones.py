@@ -7,8 +7,6 @@ Levels are against the peak of the direct sound; noise is that of a single chirp
 compression. Of measured ones it is an upper bound: what a loudspeaker distorts counts as noise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product

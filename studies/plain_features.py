@@ -3,8 +3,6 @@
 The thresholds were chosen in the development worlds: `python -m studies thresholds`.
 """
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

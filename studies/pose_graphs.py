@@ -5,8 +5,6 @@ drawn at random, all pairs alike, and say that both are one place; their number 
 of the true closures. The settings are the pipeline's defaults, and the same for every graph.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -6,8 +6,6 @@ nothing is trained or chosen by it. By that of 1.5 m it was chosen that the root
 beside what the shipped encoder learnt (`elfslam.learn.network`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path

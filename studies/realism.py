@@ -5,8 +5,6 @@ Simulated: phones along the routes of the worlds, and in the rooms that encoders
 mirror images with clutter and by mirror images with a diffuse field.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path

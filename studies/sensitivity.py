@@ -4,8 +4,6 @@ The map is made in the scenario of mapping; the query walk then comes with less 
 weeks later, in noise, between moved furniture, with a softer or another phone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 

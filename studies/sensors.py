@@ -1,7 +1,5 @@
 """Simulated sensors beside real ones: the same statistics of simulated and of mall walks."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import islice

@@ -8,8 +8,6 @@ tests, words of docs (all, and those written outside rendered blocks), and decim
 outside code, and outside rendered blocks.
 """
 
-from __future__ import annotations
-
 import ast
 import io
 import re

@@ -3,8 +3,6 @@
 The classifier is the supervised fingerprint, which needs labelled echoes of every spot.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

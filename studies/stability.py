@@ -1,7 +1,5 @@
 """How an echo's spectrum at one spot changes with height, heading and the days that pass."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 

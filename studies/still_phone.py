@@ -1,7 +1,5 @@
 """Echoes of a phone that somebody holds still, cut at the direct arrival."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

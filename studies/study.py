@@ -4,8 +4,6 @@ A study measures a task (a walk of a world, a seed, a kind) at a time; `finished
 whoever works and keeps what is done, so that a run that was cut off goes on.
 """
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -4,8 +4,6 @@ Rendered between `<!-- summary -->` and `<!-- /summary -->` of what mapping and 
 measured; what was not measured is a dash.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Superimposition: one map for all orientations, after the paper's section on floor maps."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path

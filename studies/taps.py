@@ -1,7 +1,5 @@
 """What a place tapped on the floor plan is worth: a map's errors by how many were tapped."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

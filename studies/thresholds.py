@@ -4,8 +4,6 @@ A threshold that suits one feature closes nothing by another. Each gets the one 
 surveyors and of pedestrians are best on the whole, as a share of what dead reckoning errs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Four rounds over 58 markers: does a footstep find itself again? The paper's section 5.3."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 

@@ -3,8 +3,6 @@
 `make docs` writes it into docs/reference/, where it is not committed.
 """
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterator
 from pathlib import Path

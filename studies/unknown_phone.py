@@ -1,7 +1,5 @@
 """A phone that the map never met: what both ways and a learnt translation are worth."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

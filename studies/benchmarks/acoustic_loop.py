@@ -8,8 +8,6 @@ place where the walker is then, convolves, and plays the result into each microp
         RESPONSES.npy SEED NAME=GAIN...    is the room (started by `room_between`)
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import shutil

@@ -9,8 +9,6 @@ world, seed and sensors.
 Needs chromium, pulseaudio and the `test` extra.
 """
 
-from __future__ import annotations
-
 import argparse
 import io
 import json

@@ -8,8 +8,6 @@ Usage, from the root of the project, once Lighthouse is there:
 A real server with the demonstration building. Scores go to 100; what costs points stands below.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

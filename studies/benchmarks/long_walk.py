@@ -8,8 +8,6 @@ Features are planted: each of 400 places of a round trip has a random vector, he
 matrix of all footsteps with all others would be `dense`; it is never made.
 """
 
-from __future__ import annotations
-
 import argparse
 import resource
 import time

@@ -10,8 +10,6 @@ page's own modules are timed in it, in medians. What the worker of the view "Whe
 read from the browser while that view locates; the encoder's WebAssembly counts beside it.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import tempfile

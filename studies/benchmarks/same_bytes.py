@@ -8,8 +8,6 @@ Runs the same commands and asks a server for the same exports in a checkout of C
 one, and prints a row a case with the names of the files that differ. Times and dates do not count.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import io

@@ -1,7 +1,5 @@
 """A real server in a process of its own, for benchmarks and tests, and what they ask of it."""
 
-from __future__ import annotations
-
 import base64
 import json
 import socket

@@ -10,8 +10,6 @@ scripts have run, so that a tap does something; for the first visit, a second on
 a network. Seconds.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 from pathlib import Path

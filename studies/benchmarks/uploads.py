@@ -8,8 +8,6 @@ The recording is a simulated minute with sound, packed as a .zip. Seconds from t
 its upload until the server calls it ready.
 """
 
-from __future__ import annotations
-
 import argparse
 import shutil
 import tempfile

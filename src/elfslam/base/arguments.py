@@ -1,7 +1,5 @@
 """Run-time type checking: a public function refuses what its annotations do not allow."""
 
-from __future__ import annotations
-
 import inspect
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Frozen values: dataclasses whose arrays have declared shapes, checked and made read-only."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self

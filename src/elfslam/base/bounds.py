@@ -4,8 +4,6 @@ A few bytes can claim any number of others: sizes in headers cost nothing, and s
 thousandfold. So what is believed grows with the file, and ends where a machine of today does.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from elfslam.base.errors import InputError

@@ -1,7 +1,5 @@
 """A building: floors above each other in one frame, and the passages that join them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The card of an encoder: what it is and how it was made, in the metadata of its own file."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field

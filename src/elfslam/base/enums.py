@@ -1,7 +1,5 @@
 """What users choose by name: modalities, ways to be located, formats."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from enum import StrEnum
 

@@ -1,7 +1,5 @@
 """Which extra of the package brings a module, and how one is installed."""
 
-from __future__ import annotations
-
 import re
 from importlib import metadata
 

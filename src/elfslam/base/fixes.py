@@ -1,7 +1,5 @@
 """Fixes from places that are more or less likely: softmax over scores, mean near the best."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import numpy as np

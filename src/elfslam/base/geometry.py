@@ -1,7 +1,5 @@
 """Planar poses and rotations. A pose is (x m, y m, heading rad); arrays broadcast over rows."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from elfslam.base.arrays import F64

@@ -3,8 +3,6 @@
 # mypy takes every call on the right of a field for a default.
 # mypy: disable-error-code="misc"
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Order of precedence: defaults < TOML file < single settings ("closure.threshold=0.5").
 """
 
-from __future__ import annotations
-
 import dataclasses
 import difflib
 import hashlib

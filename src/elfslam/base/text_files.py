@@ -1,7 +1,5 @@
 """Files of text from outside: read within bounds, and understood as JSON or TOML."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -1,7 +1,5 @@
 """URLs as they are shown to people and to logs: without what is secret in them."""
 
-from __future__ import annotations
-
 import re
 from urllib.parse import unquote
 

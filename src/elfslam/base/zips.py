@@ -1,7 +1,5 @@
 """Zips from outside: nothing that they say of themselves is believed before it is bounded."""
 
-from __future__ import annotations
-
 import errno
 import io
 import re

@@ -5,8 +5,6 @@ stretches of footsteps compared by dynamic time warping. Amplitudes have no sign
 walked back sounds the same in reverse order.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

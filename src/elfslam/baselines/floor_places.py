@@ -1,7 +1,5 @@
 """A walk with an unknown start, located in the map of a floor by Wi-Fi and the magnetic field."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

@@ -4,8 +4,6 @@ Each lies as dead reckoning has it, headed by its phone's own sensors. The one a
 and the floor comes from the walks themselves: places that hear the same Wi-Fi are the same.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar

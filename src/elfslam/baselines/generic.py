@@ -4,8 +4,6 @@ Baselines of the ELF in the paper, section 4: the raw trace, its power spectral 
 spectrogram, and principal components of the spectrogram. Each is an `Encoder` of the pipeline.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -7,8 +7,6 @@ samples it by distance walked, and warps the stretches around any two nodes, as 
 round. Yaw is never used.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

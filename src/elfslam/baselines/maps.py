@@ -4,8 +4,6 @@ Such a map has a spot for every stretch between footsteps, with a payload of its
 scores of a new walk against it go through the same localization as those of the echoes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

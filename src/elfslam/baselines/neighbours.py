@@ -7,8 +7,6 @@ which lie on all sides of it. Many such weak pulls share their errors, so each i
 weight; nothing is known of headings.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -7,8 +7,6 @@ that old entries neither repeat themselves nor count where they were not heard, 
 the share of power that two places have in common (Ruzicka), which weighs what is heard at both.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

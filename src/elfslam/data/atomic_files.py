@@ -5,8 +5,6 @@ the place of an older one `.NAME.replaced`. What a kill leaves of them the next 
 puts back or removes.
 """
 
-from __future__ import annotations
-
 import errno
 import fcntl
 import hashlib

@@ -1,7 +1,5 @@
 """Sound of a recording on disk: 24-bit FLAC written; FLAC, WAV, frames and baseband read."""
 
-from __future__ import annotations
-
 import io
 import os
 import struct

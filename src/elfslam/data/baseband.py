@@ -20,8 +20,6 @@ that was so have one for all, and a filter of T = 4 ms and shape 8, which is as 
     y[n] = 2 sum_m x[m] h((n - m) / F) cos(2 pi f (n - m) / F).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from math import gcd

@@ -1,7 +1,5 @@
 """A building on disk: `building.json`, and each floor as a map folder in `floors/<level>`."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Floor plans from elsewhere: images, PDF and SVG with their width in metres, and GeoJSON."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ The plane is the local tangent plane at the origin (east, north, up; up is dropp
 NIMA TR8350.2, "World Geodetic System 1984".
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

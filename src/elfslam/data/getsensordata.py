@@ -13,8 +13,6 @@ was measured, from an origin of its own. So a sensor's times are moved by the me
 difference, and the app's are taken where the two do not run alike.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections import Counter, defaultdict

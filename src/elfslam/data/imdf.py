@@ -5,8 +5,6 @@ the venue, the level) comes from a TOML file; the extent of venue, footprint and
 convex hull of the walked ground with a margin.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import uuid

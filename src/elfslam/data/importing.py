@@ -4,8 +4,6 @@ Beside each reader stands the test by which its files are known, made of the rea
 what is recognised is what is read. A log is never told by what it is called.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum

@@ -4,8 +4,6 @@ Rows `t_s,level,passage`: from then until the next row, `level` is empty between
 `passage` says by what (stairs, lift, escalator) or is empty.
 """
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

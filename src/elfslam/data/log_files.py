@@ -1,7 +1,5 @@
 """What logs of other programs have in common: folders, archives, clocks, gravity, attitude."""
 
-from __future__ import annotations
-
 import io
 import lzma
 import struct

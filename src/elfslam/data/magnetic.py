@@ -15,8 +15,6 @@ drifted, see `OdometryError`, and the orientation's yaw drifts with it, so that 
 truth away; roll and pitch are kept, as levelling the field needs them.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 import warnings

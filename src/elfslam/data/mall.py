@@ -6,8 +6,6 @@ such lines are counted, and so are records whose value no sensor can have or who
 of order.
 """
 
-from __future__ import annotations
-
 import re
 import tempfile
 from collections import defaultdict

@@ -8,8 +8,6 @@ g2o: Kuemmerle et al. 2011, "g2o: a general framework for graph optimization". R
 information matrix. `FIX` rows are skipped: the first pose is held anyway.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

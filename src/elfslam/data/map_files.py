@@ -1,7 +1,5 @@
 """What lies in the folder of a run or of a map of many walks: facts, and floor maps (.npz)."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Places with names as CSV: a map's points of interest, and when a walker was at checkpoints."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Sequence

@@ -3,8 +3,6 @@
 Format of the arrays: NEP 1, "A simple file format for NumPy arrays", as numpy writes it.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping, Sequence

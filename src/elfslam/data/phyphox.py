@@ -7,8 +7,6 @@ in the language of the phone, so that our own experiment, the app's and those of
 read. Sound is a buffer of samples, in a set of its own, its rate in another.
 """
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Sequence

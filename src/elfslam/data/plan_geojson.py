@@ -8,8 +8,6 @@ Tagging, `level` and `repeat_on` ("0", "-1", "0;2", "0-2"), or as in IMDF, by `l
 archive of IMDF the units are read, on the ordinals of their levels.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator

@@ -5,8 +5,6 @@ RGB-D SLAM systems"). Fixes: `t_s,x_m,y_m,heading_rad,sigma_m,status`, cells emp
 a building `level` at the end.
 """
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Mapping, Sequence

@@ -4,8 +4,6 @@
 written beside them (`truth_files.py`) and never read here.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import tempfile

@@ -6,8 +6,6 @@ game_rv.txt (`nanoseconds x y z w`). The nanoseconds count from any origin, one 
 they and all else may be written as whole numbers or as 1.2e+18.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
 

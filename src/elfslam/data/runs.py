@@ -1,7 +1,5 @@
 """Runs on disk: what mapping one recording gave, in files that other programs open too."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Sensors of a recording on disk, one file each."""
 
-from __future__ import annotations
-
 import csv
 import math
 from array import array

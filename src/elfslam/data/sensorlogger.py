@@ -9,8 +9,6 @@ with gravity. Taps on the annotation button stand in Annotation.csv with the tex
 them.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping, Sequence

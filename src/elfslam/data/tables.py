@@ -4,8 +4,6 @@ Five ways to write a CSV are read alike: cells parted by comma, tab or semicolon
 point, by tab or semicolon with a decimal comma, as spreadsheets of half the world save it.
 """
 
-from __future__ import annotations
-
 import csv
 import math
 from bisect import bisect_right

@@ -7,8 +7,6 @@ blocks of places (n, 2), headings (n), covariances (n, 3: xx, xy, yy) and weight
 A stretch: n and the order of its spots (n) as uint32; float16 features (n, 128).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Whoever stands still on each mark needs no clock: the pauses are gaps between footsteps.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Fine-tuning without labels: the encoder learns the one walk that it is to map."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace

@@ -6,8 +6,6 @@ Each echo is held against the floor-level ELF of every spot of the floor, which 
 encoder: a spot that sounds alike is rarely in the same batch, but always among all spots.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The contrastive losses."""
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor
 from torch.nn import functional

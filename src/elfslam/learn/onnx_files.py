@@ -1,7 +1,5 @@
 """Encoders as ONNX files, and back: one graph from raw aligned samples to the ELF."""
 
-from __future__ import annotations
-
 import io
 import warnings
 from collections.abc import Mapping

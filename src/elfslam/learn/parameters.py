@@ -1,7 +1,5 @@
 """Parameters of learning; apart from the networks, so that listing them needs no torch."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from elfslam.base.parameters import parameter

@@ -1,7 +1,5 @@
 """Contrastive pre-training: a stream of echo pairs in, a trained encoder out."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

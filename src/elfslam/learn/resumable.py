@@ -1,7 +1,5 @@
 """Long trainings: batches made ahead, a learning rate that falls, and checkpoints to go on from."""
 
-from __future__ import annotations
-
 import io
 import math
 from collections.abc import Callable, Generator

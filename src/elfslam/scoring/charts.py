@@ -1,7 +1,5 @@
 """Charts of a run: similarity, steps, heading, time spent, and errors where truth is known."""
 
-from __future__ import annotations
-
 import html
 from collections.abc import Mapping
 

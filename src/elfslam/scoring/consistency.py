@@ -1,7 +1,5 @@
 """Whether dead reckoning errs as much as it says: displacements over a distance, normalised."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

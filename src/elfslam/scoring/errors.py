@@ -5,8 +5,6 @@ the length of a step. So an error is stated three times, each time forgiving mor
 aligned, aligned with scale.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass

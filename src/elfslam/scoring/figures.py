@@ -1,7 +1,5 @@
 """Plan views: walks, closures, maps, fixes and worlds, drawn from above in metres."""
 
-from __future__ import annotations
-
 import html
 from collections.abc import Sequence
 from dataclasses import dataclass

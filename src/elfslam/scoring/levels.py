@@ -4,8 +4,6 @@ Levels count from the floor of the start unless a map says otherwise, so those o
 the truth's first.
 """
 
-from __future__ import annotations
-
 from dataclasses import asdict
 
 import numpy as np

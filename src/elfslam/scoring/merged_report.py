@@ -1,7 +1,5 @@
 """The report of a map of many walks, with a tile per square metre for how far it can be trusted."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

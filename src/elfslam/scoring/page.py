@@ -3,8 +3,6 @@
 A folder holds that script once for all its pages; `self_contained` makes one file of both.
 """
 
-from __future__ import annotations
-
 import html
 import os
 import re

@@ -1,7 +1,5 @@
 """Reports to look at: of a mapping run, of fixes in a map, of a map; and the plans in them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

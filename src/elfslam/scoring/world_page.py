@@ -1,7 +1,5 @@
 """The page of a world, drawn to scale from above and in space, with tables of what stands in it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

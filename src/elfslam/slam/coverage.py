@@ -1,7 +1,5 @@
 """Where a recording has sound and motion, and what of either is missing between its ends."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

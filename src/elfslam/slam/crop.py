@@ -1,7 +1,5 @@
 """A recording cropped to a stretch of itself, once, when it is taken up."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -4,8 +4,6 @@ With a barometer the floors of a query walk are known up to the first: one vote 
 settles that. Without one, each moment's floor is voted on by the sound around it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from itertools import pairwise

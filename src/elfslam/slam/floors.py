@@ -1,7 +1,5 @@
 """A walk over several floors, floor by floor: a run for each, and the passages that join them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import combinations

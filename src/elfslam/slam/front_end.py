@@ -1,7 +1,5 @@
 """What a recording gives the pipeline: footsteps, echoes, features, and how long the steps are."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

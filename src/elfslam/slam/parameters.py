@@ -1,7 +1,5 @@
 """The parameters of the pipeline, all of them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from elfslam.stages.acoustic_odometry import AcousticOdometryParameters

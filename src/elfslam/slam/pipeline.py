@@ -1,7 +1,5 @@
 """The pipeline: read it aloud and you know the method."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager

@@ -9,8 +9,6 @@ ratio of true to claimed distance, one number per walk. It has no need of walls 
 the same wall from two directions of walking.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple

@@ -2,8 +2,6 @@
 
 Points of interest that walks named go into the map that those walks became."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """The excitation: a soft near-inaudible sweep, played once per period."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -9,8 +9,6 @@ Walked back, the two sides of a hall that is nearly the same after half a turn s
 ELF hardly knows its own place from the other side. So stretches walked back must be more similar.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TypeVar

@@ -6,8 +6,6 @@ the unknown phone: where it may have walked, given how people walk, says what ea
 should have been, and that says anew where it walked.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -8,8 +8,6 @@ that plans with room to spare, and plans that look the same turned, give several
 # mypy takes every call on the right of a field for a default.
 # mypy: disable-error-code="misc"
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

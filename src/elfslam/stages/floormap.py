@@ -6,8 +6,6 @@ A superimposed map has one feature per spot for all orientations (paper, map sup
 # mypy takes every call on the right of a field for a default.
 # mypy: disable-error-code="misc"
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

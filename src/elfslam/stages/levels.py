@@ -8,8 +8,6 @@ is visited again is the one whose height it is at. Without a barometer floors ar
 walker names.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ A place is known again by the direction of the mean of its features, not by its 
 which has the length in it, prefers spots whose own echoes agree with each other.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -9,8 +9,6 @@ That is what tells a place from its mirror image, and one room from another like
 # mypy takes every call on the right of a field for a default.
 # mypy: disable-error-code="misc"
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

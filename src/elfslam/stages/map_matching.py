@@ -8,8 +8,6 @@ Whoever walks through a wall dies out, with all the past that led there.
 # mypy takes every call on the right of a field for a default.
 # mypy: disable-error-code="misc"
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -15,8 +15,6 @@ there. Within a frame its own echoes are loud, too, but change little from frame
 stands out over the same moment of the frames around is somebody else's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar

@@ -6,8 +6,6 @@ of these the one that sounds most like what was heard is where the phone is (pap
 curve matching proposes, the largest mean similarity wins).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -9,8 +9,6 @@ somebody else plays does not: a stretch is SUSPECT, too, where echoes lag behind
 are measured against each other in what was heard: whatever gain the microphone has is in both.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ so neither has to be known. At every footstep a few particles are drawn anew fro
 alone say: so it starts anywhere, and a wrong fix is not for ever.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -8,8 +8,6 @@ each square, joined where they lie in reach of each other, and both ends of each
 # mypy takes every call on the right of a field for a default.
 # mypy: disable-error-code="misc"
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ Allen and Berkley (J. Acoust. Soc. Am. 65, 1979). Every row is one phone at one 
 depend on each other, so that cores share them and the result is the same.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from elfslam.world.kernels import kernel

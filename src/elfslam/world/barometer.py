@@ -1,7 +1,5 @@
 """What a phone's barometer reads: height, weather, doors, wind and noise."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

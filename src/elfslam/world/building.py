@@ -4,8 +4,6 @@ All floors share one plan. A stairwell or a lift has a door on each floor, at th
 which it reaches into the building by its heading; an escalator has a foot and a head.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib import resources

@@ -3,8 +3,6 @@
 Stairs are climbed at 1.5 steps/s and descended at 1.8, give or take a person.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise

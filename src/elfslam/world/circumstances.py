@@ -1,7 +1,5 @@
 """What differs between two recordings in one world: day, furniture, people, phone and noise."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Phones: the sound they make, hear and the errors of their motion sensors."""
 
-from __future__ import annotations
-
 import difflib
 import math
 from collections.abc import Collection, Mapping

@@ -5,8 +5,6 @@ of three complex numbers, laid into a grid of eight columns per sample, and the 
 fell into a column is written at once. A patch alone is heard as several glints.
 """
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import NamedTuple

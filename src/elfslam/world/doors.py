@@ -5,8 +5,6 @@ outer wall is that wall while it is shut; open, nothing that enters the doorway 
 leaves stand in the room.
 """
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ The two members of a pair are of two visits to the room: walls and furniture, ph
 people and air may all have changed in between, or none of them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple

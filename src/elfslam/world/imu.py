@@ -1,7 +1,5 @@
 """What accelerometer and gyroscope of a named grade read along a walk."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import signal
 from scipy.spatial.transform import Rotation

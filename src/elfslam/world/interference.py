@@ -4,8 +4,6 @@ Levels are of the recorded stream, whose full scale is 1. Speech and music are r
 what counts is when they sound and how much of them lies in the chirp's band.
 """
 
-from __future__ import annotations
-
 import numba
 import numpy as np
 from scipy import signal

@@ -6,8 +6,6 @@ are about, and query walks are of another day with another phone, by other ways 
 people.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The magnetic fields of a place: the Earth's, bent by steel in walls, and that of mains cables."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

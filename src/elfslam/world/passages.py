@@ -5,8 +5,6 @@ that of a small room for stairs and lifts, whose floor goes with the feet: fligh
 are left out. On an escalator it is that of the lower floor, then that of the upper.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from enum import StrEnum
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """A room's surface as plane faces, cut into patches that scatter, and what a ray of sound meets."""
 
-from __future__ import annotations
-
 import zlib
 from typing import NamedTuple
 

@@ -7,8 +7,6 @@ out has its reflections on the faces (Borish, J. Acoust. Soc. Am. 75, 1984; beam
 et al., ibid. 115, 2004). Whether something stands in its way is noted for each leg.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

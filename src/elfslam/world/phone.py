@@ -1,7 +1,5 @@
 """Phones in a scene: where their transducers are, what they hear, and its sound."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ from one phone: its surroundings are cut into sectors once, and a line of sight 
 blocks of its own sector.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -8,8 +8,6 @@ the carrier is that of the moment when the carrier is played, its envelope comes
 Paths are first noted in columns and then worked out together, which processors do fastest.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import NamedTuple

@@ -5,8 +5,6 @@ solids between them. It is slow, and here to check `phone.image_echoes`. It come
 `acoustics`.
 """
 
-from __future__ import annotations
-
 from types import ModuleType
 from typing import Any
 

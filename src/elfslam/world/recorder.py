@@ -1,7 +1,5 @@
 """The sound of a walk: every chirp's frame laid down where it was played, and all other noise."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

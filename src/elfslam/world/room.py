@@ -1,7 +1,5 @@
 """Rooms: a polygon between floor and ceiling with solid blocks in it, and where people can walk."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """The room of a world file: outline, surfaces, furniture, partitions, doors and states."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterator, Mapping
 from dataclasses import replace

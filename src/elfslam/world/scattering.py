@@ -7,8 +7,6 @@ adds its ways to the first and from the last patch. A chain keeps its sign for e
 ways: echoes are coherent, repeatable and reciprocal.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType

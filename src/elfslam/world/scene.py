@@ -1,7 +1,5 @@
 """A room as flat arrays for the kernels: reflecting faces, blocks in a grid, clutter and edges."""
 
-from __future__ import annotations
-
 import zlib
 from itertools import chain
 from typing import NamedTuple

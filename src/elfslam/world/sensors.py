@@ -1,7 +1,5 @@
 """Sensors beside sound and motion: what a world's description says of them, what a walk reads."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, fields

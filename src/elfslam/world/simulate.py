@@ -1,7 +1,5 @@
 """A world and a seed in, a recording and its truth out: what a phone would bring home."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection
 from dataclasses import replace
 from typing import Annotated

@@ -1,7 +1,5 @@
 """A building and a seed in, a recording over several floors and its truth out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import replace

@@ -6,8 +6,6 @@ rough they walk and how their steps err is as measured of 215 surveyors of a mal
 studies sensors`).
 """
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Tables of a TOML file: values checked one by one, refusals that say which line they mean."""
 
-from __future__ import annotations
-
 import difflib
 import math
 import re

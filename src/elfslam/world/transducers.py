@@ -5,8 +5,6 @@ with what is known of transducers of a centimetre: decays of tenths of a millise
 dB. How loud a phone hears itself, and its noise, were measured (`device.py`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any

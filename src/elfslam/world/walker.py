@@ -1,7 +1,5 @@
 """A walker with a phone: where the phone is and how it is held, at every moment."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

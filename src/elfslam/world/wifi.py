@@ -1,7 +1,5 @@
 """Wi-Fi as a phone scans it: access points, path loss, walls, shadows that stay with the place."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Worlds as TOML files: a room, a route in it, and everything else that belongs to a place."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from importlib import resources

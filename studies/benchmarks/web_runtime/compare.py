@@ -9,8 +9,6 @@ thread. Exit code 1 where an element differs by more than 1e-4. Milliseconds are
 fastest of five.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import subprocess

@@ -1,7 +1,5 @@
 """Walks over several floors become one building: their floors numbered alike, their maps apart."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Exponential forgetting and change detection: older spots fade, changed ones faster."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Joint pose graph optimisation over all walks of a group."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

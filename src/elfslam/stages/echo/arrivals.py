@@ -6,8 +6,6 @@ chirps of a stretch arrive after one and the same time, that is it: a schedule t
 the period fits its own chirps alone, and only whole periods apart where it is regular.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

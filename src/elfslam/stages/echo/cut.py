@@ -1,7 +1,5 @@
 """The echo trace behind every direct arrival, when it was, and what else was heard around it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

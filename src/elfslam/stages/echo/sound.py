@@ -4,8 +4,6 @@ At 17.5 kHz one cycle is 2.5 samples, so a raw correlation peak picks the wrong 
 runs on the envelope of the analytic matched filter.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ inverse only the blocks inside the factor's pattern are computed (Takahashi, Fag
 which are those that covariances of neighbours in a graph need.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numba

@@ -1,7 +1,5 @@
 """Construction of the pose graph, and an initial guess of its poses by chordal relaxation."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

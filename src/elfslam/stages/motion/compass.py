@@ -6,8 +6,6 @@ turns with the phone and so shows in any walk that turns. It stays from walk to 
 now and then, so what one walk learnt of it is handed to the next.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -2,8 +2,6 @@
 
 Where the sensors were interrupted they are levelled piece by piece."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

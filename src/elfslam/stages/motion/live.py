@@ -5,8 +5,6 @@ it. What left the window is remembered: the last footsteps, how far the phone ha
 gyroscope at rest.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How steps are found, measured and turned, and how far each is trusted."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

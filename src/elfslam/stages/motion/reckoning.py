@@ -1,7 +1,5 @@
 """Pedestrian dead reckoning: step detection, step lengths, headings, and a pose for each."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
