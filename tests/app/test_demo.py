@@ -17,8 +17,9 @@ from elfslam.world.world_file import load_world
 @pytest.mark.real
 def test_the_demo_maps_locates_and_writes_everything(tmp_path: Path) -> None:
     heard: list[float | None] = []
-    given = tmp_path, load_encoder("compact"), Parameters(), {}
-    rows = run_demo(*given, announce=lambda what, share: heard.append(share), seeds=(500,))
+    given = tmp_path, load_encoder("compact"), Parameters()
+    told = {"facts": {}, "announce": lambda what, share: heard.append(share)}
+    rows = run_demo(*given, seeds=(500,), **told)
     median, answered = (
         {(row["method"], row["condition"]): float(str(row["value"])) for row in rows
          if row["metric"] == metric}

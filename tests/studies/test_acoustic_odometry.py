@@ -7,17 +7,8 @@ import pytest
 
 from elfslam.base.values import Odometry, Truth
 from elfslam.world.kinds import QUIET
-from studies.acoustic_odometry import (
-    CLAIMED,
-    MAP,
-    MEASURED,
-    SCALE,
-    SIGMA,
-    TRUE,
-    measure_acoustic_odometry,
-    summarised,
-    true_scale,
-)
+from studies import acoustic_odometry
+from studies.acoustic_odometry import CLAIMED, MAP, MEASURED, SCALE, SIGMA, TRUE, summarised
 from studies.cached import SimulatedWalk
 from studies.results import Record
 from studies.study import StudyContext
@@ -30,7 +21,11 @@ def values_of(records: list[Record]) -> dict[tuple[str, str, str], float]:
 def test_sound_mends_the_scale_of_a_walk(tmp_path: Path) -> None:
     kept = tmp_path / "kept.partial"
     walks = [SimulatedWalk("studio", 100, 2)]
-    found = values_of(measure_acoustic_odometry(StudyContext(kept=kept), walks=walks, kind=QUIET))
+    found = values_of(
+        acoustic_odometry.measure_acoustic_odometry(
+            StudyContext(kept=kept), walks=walks, kind=QUIET
+        )
+    )
     assert kept.exists()
     for world in ("studio", "all"):
         claimed, measured = (found[world, name, "scale error, rms (%)"]
@@ -71,4 +66,4 @@ def test_the_true_scale_is_true_over_claimed_length() -> None:
     t_s = np.linspace(0.0, 10.0, 101)
     true = np.column_stack([1.2 * t_s, np.zeros(101), np.zeros(101)])
     nodes = Odometry(t_s[10:91:5], true[10:91:5] / [1.1, 1.0, 1.0] + 3.0, np.ones((16, 3)))
-    assert true_scale(nodes, Truth(t_s, true)) == pytest.approx(1.1)
+    assert acoustic_odometry.true_scale(nodes, Truth(t_s, true)) == pytest.approx(1.1)

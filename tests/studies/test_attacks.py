@@ -10,15 +10,7 @@ from elfslam.slam.front_end import extract_query_echoes
 from elfslam.stages.echo import matched_envelope
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import load_world
-from studies import attacks
-from studies.attack_sounds import (
-    SOUNDS,
-    Sound,
-    Victim,
-    echoes_of_elsewhere,
-    following_echoes,
-    replayed_chirps,
-)
+from studies import attack_sounds, attacks
 from studies.attacked_walk import PERIOD, RATE_HZ, Walked, recorded, walked
 from studies.attacks import APART_S, measure_attacks, poisson_interval, summarised
 from studies.results import Record
@@ -31,9 +23,9 @@ def walk() -> Walked:
 
 
 @pytest.fixture(scope="module")
-def victim(walk: Walked) -> Victim:
+def victim(walk: Walked) -> attack_sounds.Victim:
     other = walked(load_world("studio"), 101, 1, 0.025)
-    return Victim(walk, other, np.array([2.0, 3.0, 1.2]), 0)
+    return attack_sounds.Victim(walk, other, np.array([2.0, 3.0, 1.2]), 0)
 
 
 def test_chirps_arrive_when_the_schedule_says(walk: Walked) -> None:
@@ -47,16 +39,17 @@ def test_chirps_arrive_when_the_schedule_says(walk: Walked) -> None:
     assert set(np.diff(with_rhythm.played)) == {PERIOD}
 
 
-@pytest.mark.parametrize("name", SOUNDS)
-def test_an_attack_is_silent_before_its_onset(victim: Victim, name: str) -> None:
-    sound = SOUNDS[name](victim, 0.0)
+@pytest.mark.parametrize("name", attack_sounds.SOUNDS)
+def test_an_attack_is_silent_before_its_onset(victim: attack_sounds.Victim, name: str) -> None:
+    sound = attack_sounds.SOUNDS[name](victim, 0.0)
     assert len(sound) == len(victim.walked.own)
     assert np.abs(sound[: victim.onset - PERIOD]).max() == 0
     assert np.abs(sound[victim.onset :]).max() > 1e-4
 
 
-def test_a_replayed_chirp_comes_the_way_there_and_back_later(victim: Victim) -> None:
-    envelope = matched_envelope(replayed_chirps(victim, 0.0, after_s=0.015), victim.walked.chirp)
+def test_a_replayed_chirp_comes_the_way_there_and_back_later(victim: attack_sounds.Victim) -> None:
+    replayed = attack_sounds.replayed_chirps(victim, 0.0, after_s=0.015)
+    envelope = matched_envelope(replayed, victim.walked.chirp)
     k = int(np.searchsorted(victim.walked.played, victim.onset)) + 5
     way_s = 2 * victim.away_m[k] / victim.walked.air.speed_mps + 0.015
     due = victim.walked.played[k] + round(way_s * RATE_HZ)
@@ -64,14 +57,14 @@ def test_a_replayed_chirp_comes_the_way_there_and_back_later(victim: Victim) -> 
 
 
 @pytest.fixture(scope="module")
-def by_chance() -> Victim:
+def by_chance() -> attack_sounds.Victim:
     """Chirps of random loudness; the walk that is replayed is of another phone, all alike."""
     place = load_world("studio")
     walk = walked(place, 100, 2, 0.025, Circumstances(softer_db=4.0))
-    return Victim(walk, walked(place, 101, 2, 0.025), np.array([2.0, 3.0, 1.2]), 0)
+    return attack_sounds.Victim(walk, walked(place, 101, 2, 0.025), np.array([2.0, 3.0, 1.2]), 0)
 
 
-def test_chirps_are_softer_by_chance(walk: Walked, by_chance: Victim) -> None:
+def test_chirps_are_softer_by_chance(walk: Walked, by_chance: attack_sounds.Victim) -> None:
     assert walk.gain_db is None
     gain_db = by_chance.walked.gain_db
     assert set(gain_db.tolist()) == {0.0, -4.0}
@@ -80,18 +73,19 @@ def test_chirps_are_softer_by_chance(walk: Walked, by_chance: Victim) -> None:
     assert np.polyfit(gain_db, level_db, 1)[0] == pytest.approx(1.0, abs=0.05)
 
 
-def test_who_feels_the_chirps_is_as_loud_as_they_are(by_chance: Victim) -> None:
+def test_who_feels_the_chirps_is_as_loud_as_they_are(by_chance: attack_sounds.Victim) -> None:
     victim, gain_db = by_chance, by_chance.walked.gain_db
-    plain, follows = echoes_of_elsewhere(victim, 0.0), following_echoes(victim, 0.0)
+    plain = attack_sounds.echoes_of_elsewhere(victim, 0.0)
+    follows = attack_sounds.following_echoes(victim, 0.0)
     fresh = victim.walked.played[victim.walked.played >= victim.onset][:-1]
     rows = fresh[:, None] + np.arange(500, 3000)
     factor_db = 20 * np.log10(np.abs(follows[rows]).sum(axis=1) / np.abs(plain[rows]).sum(axis=1))
     assert np.corrcoef(factor_db, gain_db[-len(fresh) - 1 : -1])[0, 1] > 0.9
 
 
-@pytest.mark.parametrize("sound", [None, echoes_of_elsewhere])
+@pytest.mark.parametrize("sound", [None, attack_sounds.echoes_of_elsewhere])
 def test_echoes_of_elsewhere_are_told_by_their_loudness(
-    by_chance: Victim, sound: Sound | None
+    by_chance: attack_sounds.Victim, sound: attack_sounds.Sound | None
 ) -> None:
     walk = by_chance.walked
     audio = recorded(walk, None if sound is None else sound(by_chance, 0.0))
@@ -107,7 +101,7 @@ def test_echoes_of_elsewhere_are_told_by_their_loudness(
     assert (suspect[edges_s[1:] >= begun_s + 4.0] == (sound is not None)).all()
 
 
-def test_the_own_chirp_is_muffled_from_the_onset_on(victim: Victim) -> None:
+def test_the_own_chirp_is_muffled_from_the_onset_on(victim: attack_sounds.Victim) -> None:
     plain = recorded(victim.walked).samples[0]
     muffled = recorded(victim.walked, own_gain=0.01, since=victim.onset).samples[0]
     npt.assert_allclose(muffled[: victim.onset], plain[: victim.onset], atol=1e-6)

@@ -12,15 +12,6 @@ from elfslam.stages.feature import SpectralEncoder
 from elfslam.world.kinds import Kind
 from studies import catalogue
 from studies.cached import SCENARIOS
-from studies.catalogue import (
-    STUDIES,
-    Choice,
-    Stale,
-    run_stale,
-    run_study,
-    sample_study,
-    stale_studies,
-)
 from studies.results import Record, commit_now, read_results, write_results
 from studies.study import SampledError, Study, StudyContext, finished
 
@@ -48,7 +39,7 @@ def planted(monkeypatch: pytest.MonkeyPatch) -> dict[str, Study]:
 
 
 def test_results_say_what_they_are_of(tmp_path: Path) -> None:
-    run_study("gait", Choice(tmp_path), silent)
+    catalogue.run_study("gait", catalogue.Choice(tmp_path), silent)
     (found,) = read_results(tmp_path / "gait.csv")
     assert (found.study, found.value, found.commit) == ("gait", 3.0, commit_now())
     (took,) = read_results(tmp_path / "remake.csv")
@@ -58,7 +49,7 @@ def test_results_say_what_they_are_of(tmp_path: Path) -> None:
 
 def test_a_scenario_takes_the_place_of_itself_alone(tmp_path: Path) -> None:
     for kind in ("people", "surveyor", "people"):
-        run_study("lanes", Choice(tmp_path, kind=kind), silent)
+        catalogue.run_study("lanes", catalogue.Choice(tmp_path, kind=kind), silent)
     found = read_results(tmp_path / "lanes.csv")
     assert sorted(each.scenario for each in found) == ["pedestrian", "surveyor"]
     times = read_results(tmp_path / "remake.csv")
@@ -68,30 +59,28 @@ def test_a_scenario_takes_the_place_of_itself_alone(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "choice", "words"),
     [
-        ("gait", Choice(kind="people"), "kind 'people': wanted none"),
-        ("lanes", Choice(kind="nobody"), "kind 'nobody': wanted people, surveyor"),
-        ("lanes", Choice(on="2"), "leave --on out"),
-        ("gait", Choice(encoders={"mine": SpectralEncoder()}), "leave --encoder out"),
+        ("gait", catalogue.Choice(kind="people"), "kind 'people': wanted none"),
+        ("lanes", catalogue.Choice(kind="nobody"), "kind 'nobody': wanted people, surveyor"),
+        ("lanes", catalogue.Choice(on="2"), "leave --on out"),
+        ("gait", catalogue.Choice(encoders={"mine": SpectralEncoder()}), "leave --encoder out"),
     ],
 )
 def test_what_a_study_does_not_know_is_refused(
-    tmp_path: Path, name: str, choice: Choice, words: str
+    tmp_path: Path, name: str, choice: catalogue.Choice, words: str
 ) -> None:
     with pytest.raises((InputError, ParameterError), match=words):
-        run_study(name, replace(choice, out=tmp_path / "new"), silent)
+        catalogue.run_study(name, replace(choice, out=tmp_path / "new"), silent)
     assert not (tmp_path / "new" / f"{name}.csv").exists()
 
 
-def test_what_is_needed_is_said_before_the_first_second(
-    tmp_path: Path, planted: dict[str, Study]
-) -> None:
+def test_what_is_needed_is_said_at_once(tmp_path: Path, planted: dict[str, Study]) -> None:
     planted["gait"] = replace(GAIT, needs=("torchless",), minutes=9)
     with pytest.raises(KeyError):
-        run_study("gait", Choice(tmp_path), silent)
+        catalogue.run_study("gait", catalogue.Choice(tmp_path), silent)
     planted["gait"] = replace(GAIT, data=("mall.mat",))
     for data, words in ((None, "ELFSLAM_DATA"), (tmp_path, "has no mall.mat")):
         with pytest.raises(InputError, match=words):
-            list(run_stale((), Choice(tmp_path, data=data), silent))
+            list(catalogue.run_stale((), catalogue.Choice(tmp_path, data=data), silent))
     assert not (tmp_path / "lanes.csv").exists()
 
 
@@ -101,18 +90,19 @@ def test_a_sample_says_what_all_kinds_of_walk_would_take(planted: dict[str, Stud
         raise SampledError(first_s=7200.0, again_s=3600.0, repeats=5)
 
     planted["long"] = replace(LANES, measure=sampled, long=True)
-    row = sample_study("long", Choice(), 1)
+    row = catalogue.sample_study("long", catalogue.Choice(), 1)
     assert row["repeats"] == 10
     assert (row["all, first (h)"], row["all, again (h)"]) == (10.0, 5.0)
     with pytest.raises(InputError, match="lanes: is short"):
-        sample_study("lanes", Choice(), 1)
+        catalogue.sample_study("lanes", catalogue.Choice(), 1)
 
 
 def test_all_runs_what_is_stale_the_cheapest_first(tmp_path: Path) -> None:
-    done = [(each.name, each.kind) for each in run_stale((), Choice(tmp_path), silent)]
+    every = catalogue.run_stale((), catalogue.Choice(tmp_path), silent)
+    done = [(each.name, each.kind) for each in every]
     assert done == [("lanes", "people"), ("lanes", "surveyor"), ("gait", None)]
-    assert list(run_stale((), Choice(tmp_path), silent)) == []
-    assert list(run_stale(("gait",), Choice(tmp_path), silent)) == []
+    assert list(catalogue.run_stale((), catalogue.Choice(tmp_path), silent)) == []
+    assert list(catalogue.run_stale(("gait",), catalogue.Choice(tmp_path), silent)) == []
 
 
 def test_progress_is_of_the_whole(tmp_path: Path, planted: dict[str, Study]) -> None:
@@ -123,13 +113,15 @@ def test_progress_is_of_the_whole(tmp_path: Path, planted: dict[str, Study]) -> 
         return [MEDIAN]
 
     planted["gait"] = replace(GAIT, measure=slow, minutes=6)
-    list(run_stale((), Choice(tmp_path), lambda what, share: heard.append(share)))
+    list(
+        catalogue.run_stale((), catalogue.Choice(tmp_path), lambda what, share: heard.append(share))
+    )
     assert heard == [pytest.approx((2 + 3) / 8)]
 
 
 @pytest.mark.parametrize("what", ["encoder", "code", "commits", "missing"])
 def test_why_results_are_stale(tmp_path: Path, what: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    run_study("gait", Choice(tmp_path), silent)
+    catalogue.run_study("gait", catalogue.Choice(tmp_path), silent)
     (found,) = read_results(tmp_path / "gait.csv")
     file, wanted = tmp_path / "gait.csv", "never run"
     if what == "encoder":
@@ -143,14 +135,13 @@ def test_why_results_are_stale(tmp_path: Path, what: str, monkeypatch: pytest.Mo
         wanted = "of several commits"
     else:
         file.unlink()
-    (stale,) = stale_studies(("gait",), Choice(tmp_path))
-    assert isinstance(stale, Stale)
+    (stale,) = catalogue.stale_studies(("gait",), catalogue.Choice(tmp_path))
     assert stale.why.startswith(wanted)
 
 
 def test_every_study_says_what_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.undo()
-    for name in STUDIES:
+    for name in catalogue.STUDIES:
         study = catalogue.study_named(name)
         assert study.question.endswith("?"), name
         assert study.minutes > 0, name
@@ -172,9 +163,9 @@ def test_a_run_that_was_cut_off_goes_on(tmp_path: Path, planted: dict[str, Study
 
     planted["gait"] = replace(GAIT, measure=repeats, fast={})
     with pytest.raises(KeyboardInterrupt):
-        list(run_stale(("gait",), Choice(tmp_path), silent))
+        list(catalogue.run_stale(("gait",), catalogue.Choice(tmp_path), silent))
     assert [path.name for path in tmp_path.iterdir()] == ["gait.partial"]
-    list(run_stale(("gait",), Choice(tmp_path), silent))
+    list(catalogue.run_stale(("gait",), catalogue.Choice(tmp_path), silent))
     assert asked == [1, 2, 2, 3]
     assert [each.value for each in read_results(tmp_path / "gait.csv")] == [1.0, 2.0, 3.0]
     assert not (tmp_path / "gait.partial").exists()

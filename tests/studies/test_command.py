@@ -23,9 +23,7 @@ def planted(monkeypatch: pytest.MonkeyPatch) -> None:
     real = catalogue.study_named
     study = Study("How do people walk?", gait, minutes=1)
     for module in (catalogue, command):
-        monkeypatch.setattr(
-            module, "study_named", lambda name: study if name == "gait" else real(name)
-        )
+        monkeypatch.setattr(module, "study_named", lambda at: study if at == "gait" else real(at))
 
 
 def test_a_study_is_printed_and_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -70,9 +70,8 @@ def test_scattered_points_alone_close_nothing() -> None:
 def test_walking_back_gives_half_a_turn_and_the_right_place() -> None:
     # Ahead for 40 steps and back again: stretch i is stretch 95 - i, walked the other way.
     found = closures_of(noisy(planted(lambda i: 95 - i, 5, 40)))
-    assert set(zip(found.i.tolist(), found.j.tolist(), strict=True)) >= {
-        (i, 95 - i) for i in range(8, 38)
-    }
+    pairs = set(zip(found.i.tolist(), found.j.tolist(), strict=True))
+    assert pairs >= {(i, 95 - i) for i in range(8, 38)}
     there = np.column_stack([STEP_M * np.arange(48), np.zeros((48, 2))])
     back = np.column_stack([STEP_M * (96 - np.arange(48, 100)), np.zeros(52), np.full(52, np.pi)])
     truth = np.vstack([there, back])
@@ -130,7 +129,5 @@ def test_one_closure_per_footstep_and_crossing_the_best() -> None:
     inner = [(i, j) for i, j in pairs if 2 < i < 25]
     assert inner == [(i, i + offset) for i in range(3, 25) for offset in (30, 62)]
     assert len(set(pairs)) == len(pairs)
-    best = np.array(
-        [scores[i, max(j - 2, 0) : j + 3].max() for i, j in zip(found.i, found.j, strict=True)]
-    )
+    best = [scores[i, max(j - 2, 0) : j + 3].max() for i, j in zip(found.i, found.j, strict=True)]
     npt.assert_allclose(found.score, best)

@@ -11,15 +11,7 @@ from elfslam.base.errors import InputError
 from elfslam.base.values import Odometry, Truth
 from elfslam.baselines.generic import generic_encoders
 from elfslam.stages.feature import load_encoder
-from studies.elf import (
-    area_under_curve,
-    histograms,
-    labelled_pairs,
-    measure_elf,
-    recall_at,
-    separation_records,
-    sequence_similarity,
-)
+from studies import elf as study
 from studies.results import Record, stamped, write_results
 from studies.study import StudyContext
 
@@ -42,7 +34,7 @@ def circle(rounds: int, *, back: bool = False) -> tuple[Odometry, Truth]:
 
 
 def test_the_same_place_of_every_round_is_found_once() -> None:
-    same, elsewhere = labelled_pairs(*circle(3), rounds=3)
+    same, elsewhere = study.labelled_pairs(*circle(3), rounds=3)
     i, j = np.nonzero(same)
     assert len(i) == 24 * 3, "each of 24 places, in three pairs of rounds"
     assert set(j - i) == {24, 48}
@@ -54,7 +46,7 @@ def test_the_same_place_of_every_round_is_found_once() -> None:
 
 
 def test_the_other_way_round_is_no_same_place() -> None:
-    same, elsewhere = labelled_pairs(*circle(2, back=True), rounds=2)
+    same, elsewhere = study.labelled_pairs(*circle(2, back=True), rounds=2)
     assert not same.any()
     assert elsewhere.any()
 
@@ -64,7 +56,7 @@ def test_a_diagonal_is_averaged_about_its_middle() -> None:
     for k in range(8):
         scores[6 + k, 16 + k] = 1.0
         scores[6 + k, 29 - k] = 0.5
-    made = sequence_similarity(scores)
+    made = study.sequence_similarity(scores)
     assert made[10, 20] == pytest.approx(1.0)
     assert made[10, 25] == pytest.approx(0.5), "the second walked the other way round"
     assert np.isnan(made[3, 10])
@@ -75,9 +67,8 @@ def test_a_diagonal_is_averaged_about_its_middle() -> None:
 @pytest.fixture(scope="module")
 def found() -> list[Record]:
     encoders = {"PSD": generic_encoders()["PSD"], "ELF": load_encoder("compact")}
-    return measure_elf(
-        StudyContext(), worlds=("studio",), seeds=(100,), rounds=3, encoders=encoders
-    )
+    how = {"worlds": ("studio",), "seeds": (100,), "rounds": 3}
+    return study.measure_elf(StudyContext(), encoders=encoders, **how)
 
 
 def test_an_elf_knows_a_place_better_than_its_spectrum(found: list[Record]) -> None:
@@ -108,7 +99,8 @@ def test_the_area_is_that_of_scikit_learn() -> None:
     same, elsewhere = drawn_pairs()
     truth = np.repeat([1, 0], [len(same), len(elsewhere)])
     expected = roc_auc_score(truth, np.concatenate([same, elsewhere]))
-    assert area_under_curve(histograms(same, elsewhere)) == pytest.approx(expected, abs=1e-4)
+    area = study.area_under_curve(study.histograms(same, elsewhere))
+    assert area == pytest.approx(expected, abs=1e-4)
 
 
 @pytest.mark.parametrize("rate", [0.01, 0.001])
@@ -116,22 +108,22 @@ def test_recall_is_that_of_the_sorted_values(rate: float) -> None:
     same, elsewhere = drawn_pairs()
     allowed = int(rate * len(elsewhere))
     threshold = np.sort(elsewhere)[-allowed - 1]
-    got = recall_at(histograms(same, elsewhere), rate)
+    got = study.recall_at(study.histograms(same, elsewhere), rate)
     assert got == pytest.approx(np.mean(same > threshold), abs=0.01)
 
 
 def test_one_feature_for_all_places_recalls_nothing() -> None:
-    counts = histograms(np.full(10, 0.9), np.full(100, 0.9))
-    assert area_under_curve(counts) == pytest.approx(0.5)
-    assert recall_at(counts, 0.01) == 0.0
+    counts = study.histograms(np.full(10, 0.9), np.full(100, 0.9))
+    assert study.area_under_curve(counts) == pytest.approx(0.5)
+    assert study.recall_at(counts, 0.01) == 0.0
 
 
 def test_walks_are_pooled_and_the_threshold_is_read() -> None:
     walks = [
-        histograms(np.array([0.5, 0.39]), np.array([0.0, 0.0, 0.4, 0.2])),
-        histograms(np.array([0.41, 0.7]), np.array([0.1, 0.1, 0.1, 0.1])),
+        study.histograms(np.array([0.5, 0.39]), np.array([0.0, 0.0, 0.4, 0.2])),
+        study.histograms(np.array([0.41, 0.7]), np.array([0.1, 0.1, 0.1, 0.1])),
     ]
-    found = {each.metric: each for each in separation_records(walks, 0.4, OF)}
+    found = {each.metric: each for each in study.separation_records(walks, 0.4, OF)}
     assert found["recall at 0.4"].value == 0.75
     assert found["false positives at 0.4"].value == 0.125
     recall = found["recall at 1 % false positives"]
@@ -139,8 +131,9 @@ def test_walks_are_pooled_and_the_threshold_is_read() -> None:
 
 
 def test_walks_that_never_return_are_left_out_and_refused_alone() -> None:
-    empty = histograms(np.array([]), np.array([0.1]))
-    whole = histograms(np.array([0.9]), np.array([0.1]))
-    assert separation_records([empty, whole], 0.4, OF) == separation_records([whole], 0.4, OF)
+    empty = study.histograms(np.array([]), np.array([0.1]))
+    whole = study.histograms(np.array([0.9]), np.array([0.1]))
+    both, alone = (study.separation_records(of, 0.4, OF) for of in ([empty, whole], [whole]))
+    assert both == alone
     with pytest.raises(InputError, match="no walk comes back to a place"):
-        separation_records([empty], 0.4, OF)
+        study.separation_records([empty], 0.4, OF)

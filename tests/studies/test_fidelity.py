@@ -13,13 +13,7 @@ from elfslam.world.phone import C64, Transducers
 from elfslam.world.pulses import Air
 from elfslam.world.room import Room, check_outline
 from elfslam.world.scene import Scene
-from studies.fidelity import (
-    compare_room,
-    measure_fidelity,
-    random_ends,
-    random_polygon,
-    random_shoebox,
-)
+from studies import fidelity
 from studies.study import StudyContext
 
 Draw = Callable[[np.random.Generator], Room]
@@ -28,7 +22,7 @@ Draw = Callable[[np.random.Generator], Room]
 def test_both_engines_agree_in_the_first_rooms() -> None:
     found = {
         (each.world, each.condition, each.metric): each.value
-        for each in measure_fidelity(StudyContext(), rooms=2)
+        for each in fidelity.measure_fidelity(StudyContext(), rooms=2)
     }
     limits = {
         "decorrelation, worst (%)": 1.0, "paths of one engine alone": 0.0,
@@ -48,10 +42,10 @@ def test_what_one_engine_lacks_shows(monkeypatch: pytest.MonkeyPatch) -> None:
         return whole(scene, ends, people_m, air, reach._replace(order=2))
 
     monkeypatch.setattr(pyroom, "image_echoes", shallow)
-    assert compare_room(random_shoebox, 0.0, 0).correlation < 0.99
+    assert fidelity.compare_room(fidelity.random_shoebox, 0.0, 0).correlation < 0.99
 
 
-@pytest.mark.parametrize("draw", [random_shoebox, random_polygon])
+@pytest.mark.parametrize("draw", [fidelity.random_shoebox, fidelity.random_polygon])
 def test_random_rooms_are_sound_and_the_same_for_a_seed(draw: Draw) -> None:
     for seed in range(10):
         room, again = (draw(np.random.default_rng(seed)) for _ in range(2))
@@ -61,6 +55,6 @@ def test_random_rooms_are_sound_and_the_same_for_a_seed(draw: Draw) -> None:
             others = replace(room, blocks=room.blocks[:k] + room.blocks[k + 1 :])
             assert others.is_free(block.corners_m, 1.0).all()
             assert block.top_m == room.height_m
-        ends = random_ends(room, 0.5, np.random.default_rng(seed))
+        ends = fidelity.random_ends(room, 0.5, np.random.default_rng(seed))
         assert room.is_free(np.vstack([ends.speaker, ends.microphone])[:, :2], 1.0, 0.2).all()
         np.testing.assert_allclose(np.linalg.norm(ends.speaker_axis), 1.0)

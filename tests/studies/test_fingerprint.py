@@ -9,14 +9,8 @@ import torch
 from elfslam.base.arrays import F32, I64
 from elfslam.base.errors import InputError
 from elfslam.base.values import ECHO_SAMPLES
-from studies.fingerprint import (
-    FingerprintParameters,
-    FingerprintScore,
-    SpotClassifier,
-    named_spots,
-    score_fingerprint,
-    train_fingerprint,
-)
+from studies import fingerprint
+from studies.fingerprint import FingerprintParameters, SpotClassifier, train_fingerprint
 
 QUICK = FingerprintParameters(epochs=8, batch=16, learning_rate=2e-3, threads=1)
 SPOTS = 4
@@ -39,7 +33,7 @@ def network() -> SpotClassifier:
 
 def test_planted_spots_are_named_in_echoes_not_heard_before(network: SpotClassifier) -> None:
     samples, spot = labelled(10, 1)
-    assert np.mean(named_spots(network, samples) == spot) > 0.9
+    assert np.mean(fingerprint.named_spots(network, samples) == spot) > 0.9
 
 
 def test_the_same_seed_gives_the_same_classifier() -> None:
@@ -68,7 +62,8 @@ def test_two_that_learn_at_once_do_not_mix_their_first_weights() -> None:
 def test_the_score_is_counted_by_hand() -> None:
     spots_m = np.array([[0.0, 0.0], [3.0, 4.0], [0.0, 1.0]])
     named, spot = np.array([0, 1, 1, 2]), np.array([0, 1, 0, 0])
-    assert score_fingerprint(named, spot, spots_m) == FingerprintScore(0.5, 1.5)
+    score = fingerprint.score_fingerprint(named, spot, spots_m)
+    assert score == fingerprint.FingerprintScore(0.5, 1.5)
 
 
 @pytest.mark.parametrize(

@@ -8,17 +8,7 @@ from elfslam.world.room import standing_room
 from elfslam.world.simulate import load_world, simulate
 from studies import floor_plan
 from studies.cached import SimulatedWalk
-from studies.floor_plan import (
-    ERROR,
-    OFFERED,
-    REFUSED,
-    RIGHT,
-    UNSURE,
-    WRONG,
-    Mapped,
-    measure_floor_plan,
-    plan_of,
-)
+from studies.floor_plan import ERROR, REFUSED, RIGHT, UNSURE, Mapped, measure_floor_plan, plan_of
 from studies.study import StudyContext
 
 
@@ -33,11 +23,12 @@ def test_each_walk_ends_in_one_way(monkeypatch: pytest.MonkeyPatch) -> None:
     records = measure_floor_plan(StudyContext(), worlds={"studio": 1, "lounge": 1}, known=coarse)
     found = {(r.world, r.condition, r.metric): r.value for r in records}
     for world, plan in {key[:2] for key in found}:
-        assert sum(found[world, plan, way] for way in (RIGHT, WRONG, UNSURE, REFUSED)) == 1
+        ways = (RIGHT, floor_plan.WRONG, UNSURE, REFUSED)
+        assert sum(found[world, plan, way] for way in ways) == 1
     assert found["studio", "walls and furniture", RIGHT] == 1
     assert found["studio", "walls and furniture", ERROR] < 0.5
     assert found["lounge", "walls and furniture", UNSURE] == 1, "it is the same turned by half"
-    assert found["lounge", "walls and furniture", OFFERED] == 1
+    assert found["lounge", "walls and furniture", floor_plan.OFFERED] == 1
     assert found["lounge", "walls and furniture, known start", RIGHT] == 1
     assert found["studio", "another floor", RIGHT] == 0
 

@@ -20,9 +20,8 @@ def values(records: Iterator[Record]) -> dict[tuple[str, str, str], float]:
 
 @needs_node
 def test_half_a_second_is_enough_for_a_footstep() -> None:
-    told = measure_live_footsteps(
-        StudyContext(), delays_s=(0.1, 0.5), worlds=("studio",), seeds=(100,)
-    )
+    how = {"worlds": ("studio",), "seeds": (100,)}
+    told = measure_live_footsteps(StudyContext(), delays_s=(0.1, 0.5), **how)
     found = {key[1:]: value for key, value in values(told).items()}
     assert found["0.5 s", "missed footsteps"] == 0
     assert found["0.5 s", "step length, rms (%)"] < 2

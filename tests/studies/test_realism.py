@@ -5,26 +5,15 @@ import pytest
 
 from elfslam.base.arrays import F64
 from elfslam.world.pulses import BASEBAND_HZ
-from studies.realism import (
-    BAND_HZ,
-    KINDS,
-    MOVED_M,
-    RATE_HZ,
-    banded,
-    contrast,
-    kurtosis,
-    measure_realism,
-    response_of,
-    reverberation_s,
-    spread_db,
-)
+from studies import realism
+from studies.realism import BAND_HZ, KINDS, MOVED_M, RATE_HZ, banded, contrast, kurtosis, spread_db
 from studies.results import Record
 from studies.study import StudyContext
 
 
 @pytest.fixture(scope="module")
 def records() -> list[Record]:
-    return measure_realism(StudyContext(), worlds=("studio",), places=24, rooms=6)
+    return realism.measure_realism(StudyContext(), worlds=("studio",), places=24, rooms=6)
 
 
 def values_of(records: list[Record], world: str, kind: str, metric: str) -> list[float]:
@@ -54,7 +43,7 @@ def test_the_farther_the_less_alike(records: list[Record], kind: str) -> None:
 def test_a_response_is_its_envelope_on_the_carrier() -> None:
     envelope = np.zeros((1, 630), dtype=np.complex64)
     envelope[0, 63] = 1.0
-    response = response_of(envelope)[0]
+    response = realism.response_of(envelope)[0]
     assert np.abs(response).argmax() == pytest.approx(63 / BASEBAND_HZ * RATE_HZ, abs=1)
 
 
@@ -83,7 +72,7 @@ def test_sparse_reflections_have_more_of_both() -> None:
 @pytest.mark.parametrize("t60_s", [0.1, 0.15, 0.2])
 def test_a_decay_is_told_even_where_it_is_cut(t60_s: float) -> None:
     band = banded(decaying_noise(t60_s), MEASURED_HZ)
-    assert reverberation_s(band, MEASURED_HZ) == pytest.approx(t60_s, rel=0.1)
+    assert realism.reverberation_s(band, MEASURED_HZ) == pytest.approx(t60_s, rel=0.1)
 
 
 def test_only_the_band_counts() -> None:

@@ -9,17 +9,7 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Imu, Magnetometer, Recording, Truth, WifiScans
 from elfslam.world.simulate import load_world
-from studies.sensors import (
-    WAYPOINT_SIGMA_M,
-    WAYPOINTS_M,
-    as_tapped,
-    hall,
-    mall_floors,
-    measure_sensors,
-    simulated_floor,
-    statistics,
-    unevenness,
-)
+from studies import sensors
 from studies.study import StudyContext
 
 CADENCE_HZ = 1.8
@@ -36,9 +26,8 @@ def walk_of(seed: int, length_m: float = 300.0) -> tuple[Recording, Truth]:
     magnitude_ut = 45 + seed + smooth_noise(generator, t_s, FIELD_LENGTH_M)
     field_ut = np.column_stack([0 * t_s, 0 * t_s, -magnitude_ut])
     truth = Truth([0.0, length_m], [[0, 0, np.nan], [length_m, 0, np.nan]])
-    recording = Recording(
-        f"{seed}", "planted", imu=imu, magnetometer=Magnetometer(t_s, field_ut), wifi=scans(seed)
-    )
+    field = Magnetometer(t_s, field_ut)
+    recording = Recording(f"{seed}", "planted", imu=imu, magnetometer=field, wifi=scans(seed))
     return recording, truth
 
 
@@ -67,7 +56,7 @@ def planted() -> list[tuple[Recording, Truth]]:
 
 def test_what_was_planted_comes_out(planted: list[tuple[Recording, Truth]]) -> None:
     """The trend of 0.1 dB per metre adds 0.5 dB (over root 2) at 5 m and 1 dB at 10 m to noise."""
-    found = statistics([planted])
+    found = sensors.statistics([planted])
     assert found["walks", ""] == 6
     assert found["step rate (Hz)", ""] == pytest.approx(CADENCE_HZ, rel=0.02)
     assert found["scatter of step intervals (share)", ""] < 0.01
@@ -94,8 +83,8 @@ def test_uneven_steps_are_told_from_pauses_and_from_another_pace() -> None:
     noise = 1 + 0.06 * generator.standard_normal(4000)
     pace = np.linspace(0.5, 0.6, 4000)
     pauses = np.where(np.arange(4000) % 50 == 0, 5.0, 0.0)
-    assert unevenness(np.cumsum(0.55 * noise)) == pytest.approx(0.06, rel=0.05)
-    assert unevenness(np.cumsum(pace * noise + pauses)) == pytest.approx(0.06, rel=0.1)
+    assert sensors.unevenness(np.cumsum(0.55 * noise)) == pytest.approx(0.06, rel=0.05)
+    assert sensors.unevenness(np.cumsum(pace * noise + pauses)) == pytest.approx(0.06, rel=0.1)
 
 
 def test_places_are_not_mixed(planted: list[tuple[Recording, Truth]]) -> None:
@@ -106,8 +95,8 @@ def test_places_are_not_mixed(planted: list[tuple[Recording, Truth]]) -> None:
     louder = WifiScans(wifi.t_s, wifi.bssids, wifi.rssi_dbm + 40, wifi.age_s)
     shifted = Recording("louder", "planted", imu=recording.imu, wifi=louder)
     field = (Recording("f", "planted", imu=other[0].imu, magnetometer=other[0].magnetometer), truth)
-    apart = statistics([[(recording, truth), field], [(shifted, truth)]])
-    mixed = statistics([[(recording, truth), field, (shifted, truth)]])
+    apart = sensors.statistics([[(recording, truth), field], [(shifted, truth)]])
+    mixed = sensors.statistics([[(recording, truth), field, (shifted, truth)]])
     assert not apart["RSSI spread (dB)", "0 m"] > 0.01
     assert mixed["RSSI spread (dB)", "0 m"] == pytest.approx(40 / 2**0.5)
 
@@ -115,10 +104,10 @@ def test_places_are_not_mixed(planted: list[tuple[Recording, Truth]]) -> None:
 def test_waypoints_are_tapped_on_the_way_and_a_little_off() -> None:
     t_s = np.arange(0.0, 600.0, 0.02)
     truth = Truth(t_s, np.column_stack([t_s, 0 * t_s, 0 * t_s]))
-    tapped = as_tapped(truth, np.random.default_rng(0))
+    tapped = sensors.as_tapped(truth, np.random.default_rng(0))
     off_m = tapped.world_from_body[:, :2] - np.column_stack([tapped.t_s, 0 * tapped.t_s])
-    assert np.diff(tapped.t_s) == pytest.approx(WAYPOINTS_M, abs=0.05)
-    assert off_m.std(axis=0) == pytest.approx([WAYPOINT_SIGMA_M] * 2, rel=0.2)
+    assert np.diff(tapped.t_s) == pytest.approx(sensors.WAYPOINTS_M, abs=0.05)
+    assert off_m.std(axis=0) == pytest.approx([sensors.WAYPOINT_SIGMA_M] * 2, rel=0.2)
     assert np.isnan(tapped.world_from_body[:, 2]).all()
 
 
@@ -127,9 +116,9 @@ def test_the_simulation_is_near_the_mall(shared_data: Path) -> None:
 
     Two walks, since one alone is hardly ever twice within a metre of a place.
     """
-    surveyed = statistics([simulated_floor(hall(), 2, "surveyor")])
-    strolled = statistics([simulated_floor(load_world("studio"), 2, "person")])
-    real = statistics(list(mall_floors(shared_data, 8)))
+    surveyed = sensors.statistics([sensors.simulated_floor(sensors.hall(), 2, "surveyor")])
+    strolled = sensors.statistics([sensors.simulated_floor(load_world("studio"), 2, "person")])
+    real = sensors.statistics(list(sensors.mall_floors(shared_data, 8)))
     for found, metric, condition, factor in (
         (surveyed, "step rate (Hz)", "", 1.1),
         (surveyed, "time between scans (s)", "", 1.25),
@@ -150,4 +139,4 @@ def test_the_simulation_is_near_the_mall(shared_data: Path) -> None:
 
 def test_a_folder_without_mall_walks_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"holds no mall_walks/\*.tar.xz"):
-        measure_sensors(StudyContext(tmp_path), walks=1)
+        sensors.measure_sensors(StudyContext(tmp_path), walks=1)

@@ -56,9 +56,7 @@ def test_a_run_cut_off_goes_on_where_it_was(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         finished(counted, [1, 2, 3], StudyContext(kept=kept))
     allowed.add(2)
-    assert finished(counted, [1, 2, 3], StudyContext(kept=kept)) == [
-        square(task) for task in (1, 2, 3)
-    ]
+    assert finished(counted, [1, 2, 3], StudyContext(kept=kept)) == [square(at) for at in (1, 2, 3)]
     assert asked == [1, 2, 2, 3]
 
 

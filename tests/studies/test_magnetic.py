@@ -1,11 +1,15 @@
-"""Closures aligned by their fields: a planted shift is found, what agrees nowhere is dropped."""
+"""Magnetic closures: aligned by their fields, and chosen by leaving sets out."""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from elfslam.base.values import Closures, Odometry
 from elfslam.baselines.magnetic import FieldProfile
-from studies.magnetic_walks import AlignmentParameters, align_closures
+from studies import magnetic_left_out
+from studies.magnetic_walks import RECKONED, RMSE, AlignmentParameters, align_closures
+from studies.study import StudyContext
 
 PARAMETERS = AlignmentParameters()
 
@@ -59,7 +63,32 @@ def test_what_agrees_nowhere_is_dropped():
 
 def test_no_closures_stay_none():
     nodes, profile = corridor(back=False)
-    none = Closures(
-        np.zeros(0, int), np.zeros(0, int), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3, 3))
-    )
+    none = Closures([], [], [], np.zeros((0, 3)), np.zeros((0, 3, 3)))
     assert len(align_closures(none, nodes, profile, PARAMETERS).i) == 0
+
+
+BOLD, SHY = (0.45, 0.5, 0.35), (0.65, 3.0, 0.25)
+NOBODY = (1.0, 1.0, 0.25)
+"""Nothing scores as high as a stretch with itself: there are no closures."""
+
+
+def test_a_choice_is_made_by_the_others_on_their_own_drifts_and_by_ratios() -> None:
+    numbers: dict[magnetic_left_out.DriftedWalk, magnetic_left_out.Errors] = {}
+    for name, drifted, bold, shy in (("a", 10.0, 1.0, 2.0), ("b", 1.0, 0.4, 0.3), ("c", 1, 9, 1)):
+        for seed in magnetic_left_out.CHOICE_SEEDS:
+            numbers[magnetic_left_out.DriftedWalk(name, seed)] = {
+                RECKONED: drifted, str(BOLD): bold, str(SHY): shy
+            }  # fmt: skip
+    assert magnetic_left_out.best_choice(["a", "b"], (BOLD, SHY), numbers) == BOLD
+    assert magnetic_left_out.best_choice(["b"], (BOLD, SHY), numbers) == SHY
+    assert magnetic_left_out.best_choice(["a", "b", "c"], (BOLD, SHY), numbers) == SHY
+
+
+def test_a_set_is_mapped_with_what_the_other_chose(shared_data: Path) -> None:
+    records = magnetic_left_out.measure_magnetic_left_out(
+        StudyContext(shared_data), sets=("square", "eight"), choices=(BOLD, NOBODY)
+    )
+    found = {(r.world, r.method, r.metric): r.value for r in records}
+    for name, share in (("square", 0.4), ("eight", 0.8)):
+        assert found[name, magnetic_left_out.LEFT_OUT, "threshold"] == BOLD[0]
+        assert found[name, magnetic_left_out.LEFT_OUT, RMSE] < share * found[name, RECKONED, RMSE]
