@@ -24,7 +24,7 @@ from elfslam.world import simulate_building as building_simulator
 from elfslam.world.building import MultiFloorWorld
 from elfslam.world.kinds import QUIET, Kind, kind_named
 from elfslam.world.sensors import Sensor
-from studies.results import ROOT, Record, code_of
+from studies.results import ROOT, Record, code_now, code_of
 
 Made = TypeVar("Made")
 MOST_BYTES = 24 * 2**30
@@ -168,6 +168,9 @@ def _memory() -> Any:
 
 @cache
 def _digest(module: str) -> str:
-    """Of the code that a module runs."""
-    files = sorted(code_of(module))
-    return hashlib.sha256(b"".join((ROOT / file).read_bytes() for file in files)).hexdigest()
+    """Of the code that a module runs, whatever its prose, and of the encoder."""
+    said = (
+        code_now(file).encode() if file.endswith(".py") else (ROOT / file).read_bytes()
+        for file in sorted(code_of(module))
+    )
+    return hashlib.sha256(b"".join(said)).hexdigest()

@@ -162,7 +162,7 @@ def changed_since(commit: str, module: str) -> list[str]:
     return [
         name
         for name in named.splitlines()
-        if name in files and _code_then(commit.rstrip("+"), name) != _code_now(name)
+        if name in files and _code_then(commit.rstrip("+"), name) != code_now(name)
     ]
 
 
@@ -217,13 +217,14 @@ def _code_then(commit: str, name: str) -> str:
 
 
 @cache
-def _code_now(name: str) -> str:
+def code_now(name: str) -> str:
+    """What a file of the project does, from its root: Python less prose and layout."""
     file = ROOT / name
     return _code(file.read_text(encoding="utf-8")) if name.endswith(".py") else "changed"
 
 
 def _code(text: str) -> str:
-    """Python less comments, docstrings and layout."""
+    """Python less comments, docstrings, layout, and when annotations are read."""
     tree = ast.parse(text)
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
@@ -233,6 +234,8 @@ def _code(text: str) -> str:
 
 
 def _is_prose(node: object) -> bool:
+    if isinstance(node, ast.ImportFrom):
+        return node.module == "__future__"
     return (
         isinstance(node, ast.Expr)
         and isinstance(node.value, ast.Constant)

@@ -120,7 +120,7 @@ def test_a_map_takes_no_walk_twice_and_no_second_map(runs: Path, tmp_path: Path)
         merge_into(tmp_path / "out", [tmp_path / "map"] * 2, KNOWN, ignore)
     with pytest.raises(InputError, match="got none"):
         merge_into(tmp_path / "out", [tmp_path / "map"], KNOWN, ignore)
-    with pytest.raises(NoAnswerError, match="no walk could be added; away with the map: "):
+    with pytest.raises(NoAnswerError, match="no walk could be added; away: with the map: "):
         merge_into(tmp_path / "out", [tmp_path / "map", runs / "away"], KNOWN, ignore)
 
 

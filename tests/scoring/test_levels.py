@@ -75,6 +75,14 @@ def test_what_is_found_where_nothing_was_is_false() -> None:
     assert (row["found"], row["false"], row["kind_right"]) == (0, 1, 0)
 
 
+def test_a_change_found_in_two_pieces_is_one_right_change() -> None:
+    split = levels(
+        (0, 2, None), (41, np.nan, STAIRS), (44, 2, None), (46, np.nan, STAIRS), (50, 3, None)
+    )
+    (row,) = level_scores(run(split), TRUTH)
+    assert (row["changes"], row["found"], row["false"], row["kind_right"]) == (2, 1, 0, 1)
+
+
 def test_a_walk_on_one_floor_has_no_rows() -> None:
     assert level_scores(run(None), TRUTH) == floor_scores(run(None), TRUTH) == []
     assert level_scores(run(FOUND), replace(TRUTH, levels=None)) == []

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import plotly.graph_objects as go
 import pytest
 
 from elfslam.base.errors import InputError
+from elfslam.scoring.figures import plan
 from elfslam.scoring.page import SCRIPT, Page, Panel, save_page, script_file, self_contained
 
 PAGE = Page("Walk", "by echoes", [Panel("Line", go.Figure(go.Scatter(x=[0, 1], y=[0, 1])))])
+WIDE = [go.Scatter(x=[0, 8], y=[0, 2])]
 MOST_BYTES = 500_000
 
 
@@ -45,3 +48,22 @@ def test_a_page_without_its_script_or_without_a_link_is_refused(tmp_path: Path) 
     (tmp_path / "other.html").write_text("<html></html>")
     with pytest.raises(InputError, match="links no drawing script"):
         self_contained(tmp_path / "other.html")
+
+
+@pytest.mark.real
+def test_on_a_phone_the_frame_of_a_plan_is_as_high_as_the_plan(tmp_path: Path) -> None:
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    chromium = shutil.which("chromium")
+    if chromium is None:
+        pytest.skip("chromium is missing: apt-get install chromium")
+    save_page(tmp_path / "page.html", Page("Walk", "", [Panel("Above", plan(WIDE))]))
+    with playwright.sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        for width_px, wanted_px in ((1280, 620), (390, 212)):
+            page = browser.new_page(viewport={"width": width_px, "height": 800})
+            page.goto((tmp_path / "page.html").as_uri())
+            plot = page.locator(".js-plotly-plot")
+            playwright.expect(plot.locator(".main-svg").first).to_be_visible()
+            for each in (plot, plot.locator("xpath=..")):
+                assert each.bounding_box()["height"] == pytest.approx(wanted_px, abs=2)
+        browser.close()

@@ -83,7 +83,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "studies" / "other.py").write_text("")
     monkeypatch.setattr(results, "ROOT", tmp_path)
     monkeypatch.setattr(results, "code_of", lambda module: frozenset({"studies/gait.py"}))
-    results._code_now.cache_clear()
+    results.code_now.cache_clear()
     results._code_then.cache_clear()
     name = ("-c", "user.name=a", "-c", "user.email=a@b")
     for command in (("init", "-q"), ("add", "."), (*name, "commit", "-qm", "one")):
@@ -94,10 +94,12 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_prose_makes_no_result_stale_and_code_does(project: Path) -> None:
     commit = results.git("rev-parse", "HEAD").strip()
     assert changed_since(commit, "gait") == []
-    (project / "studies" / "gait.py").write_text('"""How people walk."""\n\nSPEED = 1\n')
+    (project / "studies" / "gait.py").write_text(
+        '"""How people walk."""\n\nfrom __future__ import annotations\n\nSPEED = 1\n'
+    )
     (project / "studies" / "other.py").write_text("MORE = 1\n")
     assert changed_since(commit, "gait") == []
-    results._code_now.cache_clear()
+    results.code_now.cache_clear()
     (project / "studies" / "gait.py").write_text("SPEED = 2\n")
     assert changed_since(commit, "gait") == ["studies/gait.py"]
 

@@ -184,7 +184,7 @@ def merge(
     found = merge_walks(walks, known, known_starts=known_starts, announce=announce)
     if not found.maps:
         name, why = next(iter(found.refused.items()))
-        raise NoAnswerError(f"merge: no two walks could be merged; {name} {why}")
+        raise NoAnswerError(f"merge: no two walks could be merged; {name}: {why}")
     return found.maps[0].floor_map
 
 

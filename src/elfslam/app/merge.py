@@ -180,7 +180,7 @@ def _merged(
     pairs = [_row(*names, each) for names, each in found.pairs.items()]
     if not found.maps:
         name, why = next(iter(found.refused.items()))
-        raise NoAnswerError(f"merge: no two walks could be merged; {name} {why}")
+        raise NoAnswerError(f"merge: no two walks could be merged; {name}: {why}")
     first, *others = found.maps
     apart = {
         name: f"lies in another map, of {', '.join(each.names)}; merge these by themselves"
@@ -221,7 +221,7 @@ def _grown(
             trajectories[walk.name] = trajectory
     if not trajectories:
         name, why = next(iter(refused.items()))
-        raise NoAnswerError(f"merge: no walk could be added; {name} {why}")
+        raise NoAnswerError(f"merge: no walk could be added; {name}: {why}")
     return Outcome(floor_map, trajectories, pairs, refused)
 
 

@@ -37,7 +37,7 @@ def score_levels(found: Levels, true: Levels, footsteps_t_s: F64) -> ScoreRow:
         "changes": len(by_true),
         "found": len({a[0] for a, _ in met}),
         "false": len(by_found) - len({b[0] for _, b in met}),
-        "kind_right": sum(a[2] == b[2] for a, b in met),
+        "kind_right": len({a[0] for a, b in met if a[2] == b[2]}),
     }
 
 

@@ -74,7 +74,9 @@ const narrow = document.querySelector("main").clientWidth < 640;
 if (window.Plotly) for (const plot of document.querySelectorAll(".js-plotly-plot")) {{
   const aspect = narrow && plot.layout.meta?.aspect;
   const height = Math.min(620, 150 + aspect * (plot.clientWidth - 68));
-  if (aspect) Plotly.relayout(plot, {{ height }});
+  if (!aspect) continue;
+  plot.parentElement.style.height = `${{height}}px`;
+  Plotly.relayout(plot, {{ height }});
 }}
 if (window.Plotly) dispatchEvent(new Event("resize"));
 else document.querySelector("header").insertAdjacentHTML("beforeend",

@@ -237,7 +237,7 @@ ERROR_NOTE = (
 )
 CLOSURE_NOTE = (
     "A closure is right when its two ends truly lie within the radius. "
-    "Curated: what the similarity gave. Kept: what the graph believes."
+    "Found: what the similarity gave. Kept: what the graph believes."
 )
 
 

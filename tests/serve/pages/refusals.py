@@ -20,6 +20,10 @@ SAID = ("Problem", "problem_response", "unknown_token", "not_found", "own", "NoA
 APP = ("map.py", "merge.py")
 REFUSED_INPUT = ("tasks.py", "zips.py", "webhooks.py")
 """Whose InputError a page shows; refusals of log files stay English, with their figures."""
+REASONS = ("app/merge.py", "slam/merging/grow.py", "stages/map_alignment.py")
+"""Where it is said why walks are not merged, and under which names."""
+REASONS_AS = ("refusal", "refused", "apart")
+REASONS_GIVEN = ("_why_not", "_too_little")
 SAID_OF_JOBS = (DIED, DISK_FULL, OVERDUE, MISTAKE)
 
 
@@ -35,6 +39,9 @@ def refusals() -> set[str]:
         )
     }
     texts |= {_numbered(text) for text in SAID_OF_JOBS}
+    here = Path(elfslam.app.__path__[0]).parent
+    for name in REASONS:
+        texts |= set(_reasons(ast.parse((here / name).read_text(encoding="utf-8"))))
     return {text for text in texts if not text.startswith(FOR_PROGRAMS)}
 
 
@@ -57,6 +64,22 @@ def _said(module: ast.Module, said: tuple[str, ...]) -> Iterator[str]:
             yield from _texts(call.args[-1 if is_last else 1], known)
 
 
+def _reasons(module: ast.Module) -> Iterator[str]:
+    """What is put under one of the names of reasons, and what the functions that say why return."""
+    for node in ast.walk(module):
+        if isinstance(node, ast.Assign):
+            target = node.targets[0]
+            name = getattr(target, "id", getattr(getattr(target, "value", None), "id", None))
+            if name in REASONS_AS:
+                yield from filter(None, _texts(node.value, {}))
+        elif isinstance(node, ast.FunctionDef) and node.name in REASONS_GIVEN:
+            for each in ast.walk(node):
+                if isinstance(each, ast.Return) and each.value is not None:
+                    yield from _texts(each.value, {})
+                elif isinstance(each, ast.BoolOp):
+                    yield from _texts(each.values[-1], {})
+
+
 def _texts(node: ast.expr, known: dict[str, list[str]]) -> Iterator[str]:
     """The texts that an expression may be."""
     if isinstance(node, ast.Constant) and isinstance(node.value, str):
@@ -66,7 +89,7 @@ def _texts(node: ast.expr, known: dict[str, list[str]]) -> Iterator[str]:
     elif isinstance(node, ast.Dict):
         for value in node.values:
             yield from _texts(value, known)
-    elif isinstance(node, ast.Subscript):
+    elif isinstance(node, ast.Subscript | ast.DictComp):
         yield from _texts(node.value, known)
     elif isinstance(node, ast.Name):
         yield from known.get(node.id, [])

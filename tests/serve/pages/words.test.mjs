@@ -12,6 +12,9 @@ const WORDS = {
   "map": "Karte",
   "there is no such {{1}} here; it may (soon) be back": "hier ist keine {{1}}; vielleicht kommt sie wieder",
   "{{1}}: {{2}} of {{3}} bytes have come": "{{1}}: {{2}} von {{3}} Byte sind da",
+  "no walk could be added; {{1}}: {{2}}": "kein Gang ließ sich anfügen; {{1}}: {{2}}",
+  "with {{1}}: {{2}}": "mit {{1}}: {{2}}",
+  "only {{1}} m2 in common": "nur {{1}} m² gemeinsam",
   "Map_verb": "Kartieren",
   "{{count, number}} footsteps_one": "{{count, number}} Schritt",
   "{{count, number}} footsteps_other": "{{count, number}} Schritte",
@@ -57,6 +60,7 @@ test("a text from elsewhere is translated where the catalogue has exactly it", (
 test("a refusal with values is translated around them, and names stay", () => {
   assert.equal(translated("there is no such map here; it may (soon) be back"), "hier ist keine Karte; vielleicht kommt sie wieder");
   assert.equal(translated("Map: 3 of 7 bytes have come"), "Map: 3 von 7 Byte sind da");
+  assert.equal(translated("no walk could be added; Kitchen: with Map: only 3 m2 in common"), "kein Gang ließ sich anfügen; Kitchen: mit Map: nur 3 m² gemeinsam");
   assert.equal(translated("$t(Map) {{1}}: 3 of 7 bytes have come"), "$t(Map) {{1}}: 3 von 7 Byte sind da");
   assert.equal(translated("there is no such map here; it may be back"), "there is no such map here; it may be back");
 });

@@ -109,9 +109,10 @@ export function translated(text) {
   return text;
 }
 
-/** What the server calls a thing, as "map"; names that people gave stay. @param {string} value */
+/** What the server calls a thing, as "map", or a reason within a refusal; names that people gave stay.
+ * @param {string} value */
 function kindOf(value) {
-  return /^[a-z ]+$/.test(value) ? translated(value) : value;
+  return /^[a-z0-9]/.test(value) ? translated(value) : value;
 }
 
 if (globalThis.document) {
