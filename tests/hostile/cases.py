@@ -1,7 +1,5 @@
 """Which command is given which damaged file, and what has to hold however it ends."""
 
-from __future__ import annotations
-
 import os
 import random
 import shutil

@@ -1,7 +1,5 @@
 """One loaded process and one set of whole inputs for all hostile files."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

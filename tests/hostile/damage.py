@@ -1,7 +1,5 @@
 """What happens to any file and to texts. Each damage changes a file in place."""
 
-from __future__ import annotations
-
 import json
 import os
 import random

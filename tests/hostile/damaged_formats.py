@@ -1,7 +1,5 @@
 """What happens to files of a format: their headers claim, their contents are of another kind."""
 
-from __future__ import annotations
-
 import io
 import json
 import lzma

@@ -1,7 +1,5 @@
 """ONNX graphs that look like encoders and misbehave while they run."""
 
-from __future__ import annotations
-
 import numpy as np
 import onnx
 from onnx import helper, numpy_helper

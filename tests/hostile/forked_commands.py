@@ -5,8 +5,6 @@
 Starting an interpreter and its libraries takes seconds; a fork takes milliseconds.
 """
 
-from __future__ import annotations
-
 import gc
 import json
 import os

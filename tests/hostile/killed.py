@@ -1,7 +1,5 @@
 """Processes that are killed at a step of theirs on the disk, not at a time."""
 
-from __future__ import annotations
-
 import os
 import signal
 from collections.abc import Callable, Iterator

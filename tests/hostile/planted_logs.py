@@ -1,7 +1,5 @@
 """Small whole logs of other programs: 1.6 s of a phone that lies still."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Small whole floor plans as other programs write them: two rooms of 16 m by 24 m in all."""
 
-from __future__ import annotations
-
 SVG = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 40 30">'
     '<rect x="4" y="3" width="32" height="24" fill="none" stroke="black" stroke-width="0.4"/>'

@@ -3,8 +3,6 @@
 The work before the writing is done once: only the writing meets the disk.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

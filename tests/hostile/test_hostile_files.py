@@ -3,8 +3,6 @@
 `HOSTILE_CASES` says how many cases are tried, `--hypothesis-seed=N` tries others.
 """
 
-from __future__ import annotations
-
 import os
 import random
 import tempfile

@@ -1,7 +1,5 @@
 """What once ended a command in a traceback, took all memory or passed for good: refused now."""
 
-from __future__ import annotations
-
 import io
 import json
 import lzma

@@ -1,7 +1,5 @@
 """Two commands that write to one place, and one that is killed while it replaces an older run."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

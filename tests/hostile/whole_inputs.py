@@ -1,7 +1,5 @@
 """Small whole files of every kind that a command reads, to be damaged: made once, in seconds."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import tarfile

@@ -1,7 +1,5 @@
 """A PostgreSQL of one's own: it ends with the block."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

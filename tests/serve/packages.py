@@ -1,7 +1,5 @@
 """Packages of maps as phones fetch them, checked against what is told of them."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """Maps and recordings of a server, put where jobs and uploads would have left them."""
 
-from __future__ import annotations
-
 import io
 import json
 from collections.abc import Iterator

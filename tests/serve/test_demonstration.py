@@ -1,7 +1,5 @@
 """The demonstration building comes and goes in one request, and is what a mapped building is."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Requests made to do harm: each gets a refusal or an honest answer, and the server goes on."""
 
-from __future__ import annotations
-
 import asyncio
 import errno
 import os

@@ -1,7 +1,5 @@
 """The pages' files over HTTP: compressed, known by their content, in ranges, and listed."""
 
-from __future__ import annotations
-
 import asyncio
 import gzip
 import hashlib

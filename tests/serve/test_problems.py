@@ -1,7 +1,5 @@
 """Errors as problem+json: one line for people, and no word too much."""
 
-from __future__ import annotations
-
 import errno
 from collections.abc import Iterator
 

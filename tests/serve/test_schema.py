@@ -1,7 +1,5 @@
 """Requests made up from the OpenAPI description: no mistake, nothing outside the folder."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Recordings as phones and browsers upload them: begun, and sent by tus in pieces or whole."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Floor plans in use: drawn below walks, maps placed on them, walks followed through them."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping

@@ -10,8 +10,6 @@ StoreError or NoAnswerError, all of them ElfslamError. What the world does not t
 `Trajectory.status`, `FixStatus`.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The card of an encoder: what was measured of it, written into its file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from elfslam.base.errors import InputError

@@ -1,7 +1,5 @@
 """The demonstration: map ten surveys, locate others in the maps, show one of each."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """Runs and maps as files that other programs open."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """A recording and a map on disk become fixes; walks without sound become a floor map."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

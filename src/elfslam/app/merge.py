@@ -1,7 +1,5 @@
 """Maps of several walks: run folders merged or added, and one feature per spot for all headings."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

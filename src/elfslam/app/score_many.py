@@ -1,7 +1,5 @@
 """Many walks at once: errors of a folder of runs against a folder of recordings with truth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

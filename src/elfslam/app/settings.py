@@ -1,7 +1,5 @@
 """One schema of parameters: what every command, job and call takes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """What `elfslam show` draws, as one file: a run, a map, a world or a page that was saved."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path

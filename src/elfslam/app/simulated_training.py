@@ -1,7 +1,5 @@
 """The shipped encoder: the compact network trained on echoes from random simulated rooms."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import asdict

@@ -1,7 +1,5 @@
 """Ways in a building or a map on disk, between places as people tell them."""
 
-from __future__ import annotations
-
 import difflib
 import re
 from collections.abc import Collection, Mapping, Sequence

@@ -1,7 +1,5 @@
 """One command, thin verbs. Nothing is imported here: that takes seconds, which a signal may end."""
 
-from __future__ import annotations
-
 import sys
 from io import TextIOWrapper
 

@@ -1,7 +1,5 @@
 """All verbs. Exit codes: 0 done, 1 no honest answer, 2 bad input, 130 interrupted."""
 
-from __future__ import annotations
-
 import os
 import resource
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """elfslam demo, map, merge and superimpose: from recordings to maps."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

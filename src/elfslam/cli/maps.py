@@ -1,7 +1,5 @@
 """elfslam anchor, export, way, show and score: what is done with a map."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

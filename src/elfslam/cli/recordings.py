@@ -1,7 +1,5 @@
 """elfslam simulate, import, phyphox and marks: where recordings come from."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any

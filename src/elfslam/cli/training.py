@@ -1,7 +1,5 @@
 """elfslam parameters, card, pretrain and finetune: what can be set, and what encoders learn."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated

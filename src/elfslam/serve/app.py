@@ -1,7 +1,5 @@
 """The server as an app: routes, guards, pages, and what runs beside them."""
 
-from __future__ import annotations
-
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractContextManager, AsyncExitStack, asynccontextmanager
 from dataclasses import asdict

@@ -4,8 +4,6 @@
 each is. `python -m studies.demonstration` makes it.
 """
 
-from __future__ import annotations
-
 import json
 import secrets
 import shutil

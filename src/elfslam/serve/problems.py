@@ -1,7 +1,5 @@
 """Errors as problem+json (RFC 9457): one line for people in `detail`."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Mapping, Sequence
 from http import HTTPStatus

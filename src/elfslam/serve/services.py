@@ -1,7 +1,5 @@
 """What the routes of one server share: settings, database, rates, codes, and who is busy."""
 
-from __future__ import annotations
-
 import secrets
 import threading
 import time

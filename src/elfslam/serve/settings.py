@@ -1,7 +1,5 @@
 """What the server is told when it starts: where its data lie, and what it allows."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What people send: text of one line, printable, of bounded length; and lists of things."""
 
-from __future__ import annotations
-
 import re
 import unicodedata
 from functools import partial

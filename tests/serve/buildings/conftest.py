@@ -1,7 +1,5 @@
 """A small S3 on loopback, and floors to be published."""
 
-from __future__ import annotations
-
 import hashlib
 import logging
 import secrets

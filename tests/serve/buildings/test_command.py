@@ -1,7 +1,5 @@
 """From the command line: publish, list, index, withdraw; and a phone that finds the floor."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Callable
 from dataclasses import replace

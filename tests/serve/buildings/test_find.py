@@ -1,7 +1,5 @@
 """Which floor a phone is on: by what Wi-Fi, position and echoes say, and how these are added up."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Floors come whole, change whole and go whole, in every kind of store."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Phones ask where they are: over HTTP, in both databases."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """Walks through the studio, as if they had been uploaded, and a server that works on jobs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

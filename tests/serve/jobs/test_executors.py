@@ -1,7 +1,5 @@
 """Where jobs are done: the same map everywhere, kills noticed, nothing left behind."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Maps over HTTP: looked at, taken home, deleted; and their points of interest."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

@@ -1,7 +1,5 @@
 """Packages over HTTP: signed, by digests, made once, and nobody else's."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import replace
 from pathlib import Path

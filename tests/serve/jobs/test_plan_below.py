@@ -1,7 +1,5 @@
 """Walks whose walkers tapped on the floor plan of another map: their maps lie on that plan."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace

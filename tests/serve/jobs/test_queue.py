@@ -1,7 +1,5 @@
 """The queue: who may change what state into what, and that nobody works twice on one job."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import threading

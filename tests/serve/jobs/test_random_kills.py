@@ -5,8 +5,6 @@ Each SIGKILL falls while the server starts, receives, maps or keeps. Phones go o
 were. At the end every acknowledged byte, recording and map is compared with an undisturbed one.
 """
 
-from __future__ import annotations
-
 import os
 import random
 import subprocess

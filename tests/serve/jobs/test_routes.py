@@ -1,7 +1,5 @@
 """Jobs over HTTP: what may be asked for, by whom, and what goes with what is deleted."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Jobs from the queue to a map, whatever happens on the way or is lacking, and several at once."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sqlite3

@@ -1,7 +1,5 @@
 """What the viewer draws lies where the map says, and is little enough."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

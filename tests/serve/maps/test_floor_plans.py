@@ -1,7 +1,5 @@
 """Plans that cost more than they may: refused with the limit named, and nobody else waits."""
 
-from __future__ import annotations
-
 import io
 import random
 import resource

@@ -1,7 +1,5 @@
 """Names, venues and floors of maps, many deleted at once, and ways through the floors of one."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

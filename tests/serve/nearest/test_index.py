@@ -1,7 +1,5 @@
 """Indexes of clustered unit rows: answers against looking at all, changes, refusals."""
 
-from __future__ import annotations
-
 import builtins
 import json
 import shutil

@@ -1,7 +1,5 @@
 """The vote of footsteps for a map: planted answers, abstention, refusals."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

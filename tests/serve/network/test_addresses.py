@@ -1,7 +1,5 @@
 """Where the server listens: what is this machine's, and what is local."""
 
-from __future__ import annotations
-
 import pytest
 
 from elfslam.base.errors import InputError

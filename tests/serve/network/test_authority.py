@@ -1,7 +1,5 @@
 """The server's own authority: its certificates are what phones ask for, and are renewed."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 from datetime import UTC, datetime, timedelta

@@ -1,7 +1,5 @@
 """Who may stay connected, by a planted clock."""
 
-from __future__ import annotations
-
 import asyncio
 import socket
 import ssl

@@ -1,7 +1,5 @@
 """A real server: HTTPS with its own authority, killed and started again, stopped in time."""
 
-from __future__ import annotations
-
 import hashlib
 import random
 import resource

@@ -1,7 +1,5 @@
 """The numbers that pages share with Python: `python -m tests.serve.pages.constants` writes them."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict
 from pathlib import Path

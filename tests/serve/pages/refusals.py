@@ -1,7 +1,5 @@
 """What the server refuses with, as its source has it: texts with `{{1}}` for their first value."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """What pages and Python share stands in both; what of the pages needs no browser runs in node."""
 
-from __future__ import annotations
-
 import re
 from importlib import resources
 from pathlib import Path

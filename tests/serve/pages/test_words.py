@@ -1,7 +1,5 @@
 """What people read on the phone page and the desk page is in the catalogue of every language."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re

@@ -1,7 +1,5 @@
 """A parser that costs what it is told to, each kind more than any bound."""
 
-from __future__ import annotations
-
 import os
 import signal
 import tempfile

@@ -1,7 +1,5 @@
 """A child keeps to each of its bounds, says which it was, and ends with its server."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import select

@@ -1,7 +1,5 @@
 """What every request passes: whence it comes, how often, and what headers the answer has."""
 
-from __future__ import annotations
-
 import asyncio
 import socket
 from collections.abc import Awaitable, Callable, Iterator

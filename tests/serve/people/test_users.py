@@ -1,7 +1,5 @@
 """Who may do what: with a token on every route, by codes that pair, and not too often."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from typing import Any

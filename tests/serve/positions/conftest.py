@@ -1,7 +1,5 @@
 """A map of the owner's, its walkers, a broker of our own, and a receiver of webhooks."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import socket

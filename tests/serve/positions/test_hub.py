@@ -1,7 +1,5 @@
 """The board: the last of each walk, for ten seconds, and listeners, who may be slow."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import signal

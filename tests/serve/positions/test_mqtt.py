@@ -1,7 +1,5 @@
 """MQTT: a real broker gets what comes; one that is away costs nothing but what came meanwhile."""
 
-from __future__ import annotations
-
 import json
 import logging
 import subprocess

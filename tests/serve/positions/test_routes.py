@@ -1,7 +1,5 @@
 """Positions are told by who may be in a map, seen by who may see it, and kept for a while."""
 
-from __future__ import annotations
-
 from datetime import timedelta
 
 import pytest

@@ -1,7 +1,5 @@
 """What is told of positions: ages become times, places become latitudes, halves are refused."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime
 from typing import Any, get_args
 

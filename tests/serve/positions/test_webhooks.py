@@ -1,7 +1,5 @@
 """Webhooks: batches, tries, rests and what is dropped; and the whole way to a receiver."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import json

@@ -1,7 +1,5 @@
 """Whole recordings and logs as files: the server opens none itself, and refuses in words."""
 
-from __future__ import annotations
-
 import io
 import struct
 import tarfile

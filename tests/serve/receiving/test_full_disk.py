@@ -1,7 +1,5 @@
 """A disk that fills: nothing acknowledged is lost, and it goes on when there is room."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path

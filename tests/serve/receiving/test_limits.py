@@ -1,7 +1,5 @@
 """What one user may cost: bytes, counts, and the time and memory of reading."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Recordings: completed when all has come, refused in words, fetched whole, deleted for good."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 from collections.abc import Mapping

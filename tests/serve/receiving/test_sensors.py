@@ -1,7 +1,5 @@
 """Curves of sensors: no peak is lost, gaps stay gaps, and few numbers are enough."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict
 

@@ -1,7 +1,5 @@
 """Resumable uploads: what is acknowledged is there, whatever comes in between."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Who may do what to a map: every role on every route, and jobs as well."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """Sharing over HTTP: with people, with everyone who has the link, and what may not be done."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

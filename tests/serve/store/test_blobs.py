@@ -1,7 +1,5 @@
 """Files by their content: kept once, sent, packed, and taken out of zips, whose tricks are not."""
 
-from __future__ import annotations
-
 import hashlib
 import threading
 import zipfile

@@ -1,7 +1,5 @@
 """The tables, in SQLite and in PostgreSQL alike."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from datetime import UTC, timedelta

@@ -1,7 +1,5 @@
 """One data folder holds a database: a copy is refused, a moved folder and a backup are not."""
 
-from __future__ import annotations
-
 import shutil
 import threading
 from collections.abc import Callable, Iterator

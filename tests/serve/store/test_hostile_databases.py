@@ -1,7 +1,5 @@
 """Databases with changed bytes, disks that are full: refused in one line, and no file is gone."""
 
-from __future__ import annotations
-
 import os
 import random
 import re

@@ -3,8 +3,6 @@
 Whatever is said, every file of the folder is still there.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Callable, Sequence

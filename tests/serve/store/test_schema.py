@@ -1,7 +1,5 @@
 """Schema versions: migrations make what the tables say, and every released version comes along."""
 
-from __future__ import annotations
-
 import sqlite3
 from collections.abc import Iterator
 from pathlib import Path

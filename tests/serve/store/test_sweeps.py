@@ -1,7 +1,5 @@
 """What is cleared away: leftovers of a kill, and uploads that were abandoned."""
 
-from __future__ import annotations
-
 import logging
 import os
 import time

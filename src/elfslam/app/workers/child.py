@@ -4,8 +4,6 @@ The standard input of a child is a pipe whose other end the parent alone holds. 
 gone the kernel closes that, and kills the child at once, be it in the middle of a call into C.
 """
 
-from __future__ import annotations
-
 import fcntl
 import os
 import select

@@ -5,8 +5,6 @@ share a lock that sweeping takes alone, so that no part goes while somebody begi
 floor comes from a map on disk with its walks, or from a map of the server.
 """
 
-from __future__ import annotations
-
 import fcntl
 import time
 from collections.abc import Iterable, Iterator, Sequence

@@ -5,8 +5,6 @@ hear many of the same. Phones hear up to 10 dB differently: what all levels have
 taken off. A radio that speaks under several addresses counts once, by the loudest of them.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections import Counter, defaultdict

@@ -1,7 +1,5 @@
 """Routes of jobs: what is to be done in the background, how far it is, and what came of it."""
 
-from __future__ import annotations
-
 import math
 from datetime import datetime
 from typing import Annotated, Any, Literal, Self

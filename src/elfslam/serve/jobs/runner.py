@@ -7,8 +7,6 @@ the processes of its jobs. Whoever gets the lock knows that nobody works on anyt
 again what was interrupted.
 """
 
-from __future__ import annotations
-
 import shutil
 import threading
 import time

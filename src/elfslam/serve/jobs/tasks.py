@@ -1,7 +1,5 @@
 """What a job is to work on, laid out as files: recordings and maps by name, and the task."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """Maps as the API tells them, and how high floors lie by their names."""
 
-from __future__ import annotations
-
 import re
 from collections import defaultdict
 from datetime import datetime

@@ -1,7 +1,5 @@
 """A map as phones keep it: parts by their SHA-256, a signed manifest, and its routes."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import json

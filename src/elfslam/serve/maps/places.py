@@ -1,7 +1,5 @@
 """Routes of named places: the rooms and doors of a map, and the ways between them."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from typing import Annotated
 

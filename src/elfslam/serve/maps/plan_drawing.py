@@ -3,8 +3,6 @@
 A PDF, an SVG or a picture may make whoever draws it slow, large or worse.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

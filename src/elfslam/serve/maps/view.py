@@ -1,7 +1,5 @@
 """What the viewer draws of a map: walks, closures and coverage, few enough to be sent at once."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

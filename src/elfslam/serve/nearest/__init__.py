@@ -1,7 +1,5 @@
 """Nearest spots among the ELFs of many maps: an index on disk, and the vote for a map."""
 
-from __future__ import annotations
-
 import platform
 import secrets
 import shutil

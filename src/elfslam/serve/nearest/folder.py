@@ -4,8 +4,6 @@ A change writes new files and then the next `nearest-NNNNNN.json`; no file is ev
 so that whoever has the folder open goes on with the revision it has.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import secrets

@@ -4,8 +4,6 @@ FAISS is imported here alone, and only when an index of it is used. By the neare
 footsteps a vote, which may abstain, names the map that a phone is in.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@ A page of another site can have its own name lead to our address, and its script
 ours; so a name has to be one that we know. An address cannot be turned like that: any may be used.
 """
 
-from __future__ import annotations
-
 import ipaddress
 import re
 import socket

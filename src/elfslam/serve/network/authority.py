@@ -5,8 +5,6 @@ only the owner of the data folder reads it. Certificates last 825 days at most, 
 What phones keep is signed by ECDSA on P-256 with a key that is made once.
 """
 
-from __future__ import annotations
-
 import base64
 import contextlib
 import hashlib

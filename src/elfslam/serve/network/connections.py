@@ -6,8 +6,6 @@ for a newcomer. One that the server works for never does. The body of a request 
 answered is waited for by `people/guards.py`, as a client that is too slow is then told so.
 """
 
-from __future__ import annotations
-
 import asyncio
 import gc
 import ipaddress

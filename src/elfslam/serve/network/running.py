@@ -4,8 +4,6 @@ The owner's token and the signing key pair phones. Both are looked at before any
 whoever lost one of them decides what happens.
 """
 
-from __future__ import annotations
-
 import gc
 import io
 import os

@@ -1,7 +1,5 @@
 """The child that parses one file from outside: it keeps to its bounds and ends with the server."""
 
-from __future__ import annotations
-
 import errno
 import json
 import multiprocessing

@@ -3,8 +3,6 @@
 A file from outside may make its reader slow, large or worse; the server must not suffer from it.
 """
 
-from __future__ import annotations
-
 import asyncio
 import json
 import multiprocessing

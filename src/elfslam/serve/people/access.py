@@ -1,7 +1,5 @@
 """Who asks: a user by their pairing token, in a header or in a cookie."""
 
-from __future__ import annotations
-
 import hashlib
 import hmac
 import math

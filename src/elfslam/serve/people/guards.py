@@ -3,8 +3,6 @@
 And the bounds of its body, and the headers that every response carries.
 """
 
-from __future__ import annotations
-
 import asyncio
 import time
 from collections.abc import Collection, MutableMapping

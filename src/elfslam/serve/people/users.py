@@ -1,7 +1,5 @@
 """Routes of users: who I am, one more device of mine, and whom the owner lets in."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from datetime import datetime
 

@@ -4,8 +4,6 @@ Whoever may see a map may see who is there and be located in it; that is asked o
 In a published floor everybody is located, and the server's owner sees it.
 """
 
-from __future__ import annotations
-
 import secrets
 import threading
 from collections.abc import Iterator, Sequence

@@ -5,8 +5,6 @@ they were and does it again; whoever is killed after it finds the recording, and
 uploads without a row are swept when the server starts.
 """
 
-from __future__ import annotations
-
 import secrets
 import shutil
 from collections.abc import Callable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """Routes of recordings: begin, complete, look at, look into, fetch, rename, delete."""
 
-from __future__ import annotations
-
 import hashlib
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence

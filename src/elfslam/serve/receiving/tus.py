@@ -5,8 +5,6 @@ file's length is what has come: it is cut by nothing, only a piece with a checks
 the file, so that bytes that were not checked never become part of it.
 """
 
-from __future__ import annotations
-
 import base64
 import binascii
 import hashlib

@@ -4,8 +4,6 @@ An upload is a row, and a file whose length is the offset. A byte that was ackno
 disk.
 """
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime, timedelta
 from email.utils import format_datetime

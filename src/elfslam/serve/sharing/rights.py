@@ -1,7 +1,5 @@
 """Who may do what to a map: one function decides, and whatever touches a map asks it."""
 
-from __future__ import annotations
-
 import hmac
 from collections.abc import Collection
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Routes of sharing: a map with people, with groups, and with everyone who has its link."""
 
-from __future__ import annotations
-
 import secrets
 from contextlib import suppress
 

@@ -5,8 +5,6 @@ nobody deletes a blob while somebody else begins to name it. A file is linked, n
 is killed before the commit still has it.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import fcntl

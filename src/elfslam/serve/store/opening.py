@@ -7,8 +7,6 @@ listens before it takes the database over: so clocks need not agree, and what a 
 behind is silent.
 """
 
-from __future__ import annotations
-
 import fcntl
 import json
 import os

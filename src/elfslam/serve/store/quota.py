@@ -6,8 +6,6 @@ claim, whoever's it is: others may work on maps that are shared with them. The f
 give the SHA-256 of what their rows named, for `drop_unnamed` after the commit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from sqlalchemy import delete, func, or_, select

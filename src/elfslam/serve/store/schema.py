@@ -3,8 +3,6 @@
 Databases made before versions were kept have the tables of the first one.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager

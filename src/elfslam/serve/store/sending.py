@@ -1,7 +1,5 @@
 """Blobs laid out to be read for a moment, and files that are made to be sent once."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path

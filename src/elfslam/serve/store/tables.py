@@ -5,8 +5,6 @@ Files lie beside it, content-addressed (`blobs.py`); rows name them by their SHA
 packages of published floors lie apart (`buildings/files.py`).
 """
 
-from __future__ import annotations
-
 import uuid
 from datetime import UTC, datetime
 from enum import StrEnum

@@ -1,7 +1,5 @@
 """The files of a recording's folder, and zips of them: unpacked with care, packed as sent."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Iterator, Mapping

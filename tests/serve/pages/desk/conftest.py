@@ -1,7 +1,5 @@
 """A real server process, planted maps, and a browser that forgives nothing."""
 
-from __future__ import annotations
-
 import secrets
 import shutil
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """That everybody can use the desk page: names, contrast, keys, narrow screens, no jumps."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The lists of the desk page, and who is let in, in a real browser against a real server."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

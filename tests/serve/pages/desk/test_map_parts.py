@@ -1,7 +1,5 @@
 """What is beside the map at the desk: named places, who walks there now, and other programs."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """From a dropped log or zip to its page, its curves, its files, its map and a place in that."""
 
-from __future__ import annotations
-
 import base64
 from pathlib import Path
 from typing import Any

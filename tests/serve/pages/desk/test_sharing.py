@@ -1,7 +1,5 @@
 """Maps that are shared, with people and by link, and the places they lie in: in real browsers."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from elfslam.serve.store.database import transaction

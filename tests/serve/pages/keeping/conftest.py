@@ -1,7 +1,5 @@
 """A phone's browser that is closed and opened again."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The kept page and kept maps in Chromium: without the server, after a restart, tampered with."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable

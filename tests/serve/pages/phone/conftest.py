@@ -1,7 +1,5 @@
 """A browser with a microphone that hears a file, motion that is planted, and a real server."""
 
-from __future__ import annotations
-
 import importlib
 import subprocess
 import sys

@@ -5,8 +5,6 @@ started again on what it has kept, and another walker carries it through the roo
 acoustic_loop.py.
 """
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Iterator

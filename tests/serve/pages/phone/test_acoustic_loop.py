@@ -1,8 +1,6 @@
 """The whole way with no human: the page plays, a simulated room answers, the server maps, and the
 page of another walker is located on that map without the server."""
 
-from __future__ import annotations
-
 import json
 import multiprocessing
 import os

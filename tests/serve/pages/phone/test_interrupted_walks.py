@@ -1,7 +1,5 @@
 """Walks that something interrupts: each goes on, and the page says at once while it does not."""
 
-from __future__ import annotations
-
 import json
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The phone page in another language: which, all of it, within narrow screens, and back."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

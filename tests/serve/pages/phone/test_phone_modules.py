@@ -1,7 +1,5 @@
 """The modules of the phone page in node, on vectors that the line computes."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The phone page in Chromium: pairs, probes, records and sends to a real server process."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The view "Where am I" in Chromium: maps got and removed, located without a server, by key."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Who has no phone lets a simulated walker walk: the whole way from the first tap to a fix."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The encoder in Chromium, in a worker and under the server's content policy, against Python."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

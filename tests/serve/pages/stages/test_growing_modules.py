@@ -1,7 +1,5 @@
 """Graphs, closures, floors and ways of the page in node: those of the pipeline in Python."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any

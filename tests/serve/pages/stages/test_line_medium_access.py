@@ -1,7 +1,5 @@
 """Medium access and the judge of sound in the page are those of the pipeline, slot by slot."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The line in the page against the line in Python: every stage, on vectors of simulated walks."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Motion of the page in node, on vectors that the line computes."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import asdict, replace

@@ -1,7 +1,5 @@
 """The tracker of the page in node: with the same draws it makes the same fixes as the line's."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
