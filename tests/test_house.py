@@ -51,7 +51,7 @@ NAMED_TWICE = {
 }
 """Public classes that share a name, each with the reason why."""
 SMALL_LINES = 60
-MOST_IMPORT_SHARE = 0.08
+MOST_IMPORT_SHARE = 0.075
 """Of the package's lines; 0.07 is wanted."""
 MOST_FUNCTION_LINES = 60
 MEDIAN_FUNCTION_LINES = 12
