@@ -74,7 +74,7 @@ def copy(walk: Path, tmp_path: Path) -> Path:
 
 def test_a_kind_of_walk_is_asked_for_by_name(elfslam: Elfslam, tmp_path: Path) -> None:
     """Each option still changes what it says."""
-    short = ("simulate", "studio", "--seed", 107, "--rounds", 1)
+    short = ("simulate", "studio", "--seed", 107, "--rounds", 1, "--engine", "images")
     phones = []
     for k, more in enumerate([("people",), ("people", "--asking"), ("people", "--device", "flat")]):
         out = tmp_path / f"{k}"

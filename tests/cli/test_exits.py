@@ -69,7 +69,7 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """A walk and its run, by name."""
     folder = tmp_path_factory.mktemp("good")
     walk, run = folder / "walk", folder / "run"
-    assert run_command(f"simulate studio {walk} --seed 112 --rounds 1") == 0
+    assert run_command(f"simulate studio {walk} --seed 112 --rounds 1 --kind quiet") == 0
     assert run_command(f"map {walk} {run}") in (0, 1)
     return {"walk": walk, "run": run}
 

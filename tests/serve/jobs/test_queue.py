@@ -123,7 +123,7 @@ def test_a_cancelled_job_hears_nothing_more(sessions: Sessions) -> None:
         assert jobs.cancel(session, job_id)
     assert not jobs.holds(sessions, held)
     assert not jobs.tell(sessions, held, Progress("graph", 0.9))
-    assert not sessions.ended(held)
+    assert not ended(sessions, held)
     assert not jobs.give_back(sessions, held)
     job = state_of(sessions, job_id)
     assert (job.state, job.doing, job.share) == (JobState.CANCELLED, "", None)
@@ -136,15 +136,15 @@ def test_whoever_lost_a_job_cannot_end_it_for_the_next(sessions: Sessions) -> No
         jobs.cancel(session, job_id)
         assert jobs.retry(session, job_id)
     second = claimed(sessions)
-    assert not sessions.ended(first)
+    assert not ended(sessions, first)
     assert jobs.holds(sessions, second)
-    assert sessions.ended(second)
+    assert ended(sessions, second)
     assert state_of(sessions, job_id).state == JobState.DONE
 
 
 def test_what_is_done_is_neither_cancelled_nor_retried(sessions: Sessions) -> None:
     [job_id] = queued(sessions, 1)
-    assert sessions.ended(claimed(sessions))
+    assert ended(sessions, claimed(sessions))
     with transaction(sessions) as session:
         assert not jobs.cancel(session, job_id)
         assert not jobs.retry(session, job_id)
@@ -152,7 +152,7 @@ def test_what_is_done_is_neither_cancelled_nor_retried(sessions: Sessions) -> No
 
 def test_a_failed_job_is_retried_as_if_new(sessions: Sessions) -> None:
     [job_id] = queued(sessions, 1)
-    assert sessions.ended(claimed(sessions), "no loop")
+    assert ended(sessions, claimed(sessions), "no loop")
     assert state_of(sessions, job_id).problem == "no loop"
     with transaction(sessions) as session:
         assert jobs.retry(session, job_id)
