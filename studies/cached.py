@@ -4,7 +4,6 @@ They are kept by what they were made of, with a digest of the code that made the
 `ELFSLAM_CACHE` (the user's cache where it is not named; nothing is kept where it is empty).
 """
 
-import hashlib
 import os
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
@@ -22,7 +21,8 @@ from elfslam.world import simulate_building as building_simulator
 from elfslam.world.building import MultiFloorWorld
 from elfslam.world.kinds import QUIET, Kind, kind_named
 from elfslam.world.sensors import Sensor
-from studies.results import ROOT, Record, code_now, code_of
+from studies.reached import digest as _digest
+from studies.results import Record
 
 Made = TypeVar("Made")
 MOST_BYTES = 24 * 2**30
@@ -162,13 +162,3 @@ def _memory() -> Any:
     usual = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "elfslam"
     folder = os.environ.get("ELFSLAM_CACHE", str(usual))
     return Memory(folder, verbose=0) if folder else None
-
-
-@cache
-def _digest(module: str) -> str:
-    """Of the code that a module runs, whatever its prose, and of the encoder."""
-    said = (
-        code_now(file).encode() if file.endswith(".py") else (ROOT / file).read_bytes()
-        for file in sorted(code_of(module))
-    )
-    return hashlib.sha256(b"".join(said)).hexdigest()

@@ -15,11 +15,11 @@ from elfslam.base.values import Announce
 from elfslam.stages.feature import Encoder
 from elfslam.world.kinds import kind_named
 from studies.cached import SCENARIOS, bound_cache
+from studies.reached import changed_since
 from studies.results import (
     RESULTS,
     Record,
     Result,
-    changed_since,
     commit_now,
     encoder_digest,
     read_results,
@@ -188,8 +188,8 @@ def _why_stale(name: str, kind: str | None, choice: Choice) -> str:
         return "" if commits == [commit_now()] else f"of {commits[0]}"
     if mine[0].encoder != encoder_digest():
         return f"encoder {mine[0].encoder}, now {encoder_digest()}"
-    changed = changed_since(commits[0], module_of(name))
-    return f"{len(changed)} files changed since {commits[0]}" if changed else ""
+    changed = changed_since(commits[0].rstrip("+"), module_of(name))
+    return f"{len(changed)} changed since {commits[0]}: {changed[0]} ..." if changed else ""
 
 
 def _for(stale: Stale, choice: Choice) -> Choice:

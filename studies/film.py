@@ -23,7 +23,7 @@ from playwright.sync_api import Page, sync_playwright
 from elfslam.app.console import print_rows
 from studies.benchmarks.browser_walk import CHROMIUM
 from studies.benchmarks.served import COMMAND, serving
-from studies.results import ROOT
+from studies.reached import ROOT
 
 FILM = ROOT / "docs" / "phone" / "film.gif"
 PHONE, WIDTH_PX = {"width": 390, "height": 760}, 300

@@ -30,7 +30,8 @@ from typing import TYPE_CHECKING
 
 from elfslam.base.errors import InputError
 from elfslam.data.atomic_files import replaced_file
-from studies.results import COLUMNS, RESULTS, ROOT, Result, read_results
+from studies.reached import ROOT
+from studies.results import COLUMNS, RESULTS, Result, read_results
 
 if TYPE_CHECKING:
     from studies.drawing import Drawing

@@ -6,10 +6,8 @@ figures of README and docs are rendered from these files alone (`studies.render`
 
 from __future__ import annotations
 
-import ast
 import csv
 import hashlib
-import subprocess
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
@@ -22,10 +20,9 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.data.atomic_files import replaced_file
 from elfslam.scoring.errors import interval
+from studies.reached import ENCODER, ROOT, git
 
-ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "results"
-ENCODER = ROOT / "src" / "elfslam" / "weights" / "compact.onnx"
 DIGITS = 8
 
 
@@ -147,100 +144,6 @@ def commit_now() -> str:
     commit = git("rev-parse", f"--short={DIGITS}", "HEAD").strip()
     changed = git("status", "--porcelain", "--", "src", "studies").strip()
     return f"{commit}+" if changed else commit
-
-
-def changed_since(commit: str, module: str) -> list[str]:
-    """The files of the code that a study runs which changed since a commit, whatever the prose.
-
-    All of them where nobody knows the commit.
-    """
-    files = code_of(module)
-    try:
-        named = git("diff", "--name-only", commit.rstrip("+"), "--", "src", "studies")
-    except subprocess.CalledProcessError:
-        return sorted(files)
-    return [
-        name
-        for name in named.splitlines()
-        if name in files and _code_then(commit.rstrip("+"), name) != code_now(name)
-    ]
-
-
-@cache
-def code_of(module: str) -> frozenset[str]:
-    """The files of the project that a module imports, and theirs, from the root; its own too."""
-    found: set[str] = set()
-    waiting = [module]
-    while waiting:
-        file = _file_of(waiting.pop())
-        if file is not None and file not in found:
-            found.add(file)
-            waiting += _imports(file)
-    return frozenset(found | {ENCODER.relative_to(ROOT).as_posix()})
-
-
-def git(*arguments: str) -> str:
-    """What git prints in this checkout. Raises CalledProcessError where it refuses."""
-    command = ["git", "-C", str(ROOT), *arguments]
-    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
-
-
-@cache
-def _file_of(module: str) -> str | None:
-    """The file of a module of the project, from its root; None for what is no such module."""
-    top, *_ = names = module.split(".")
-    if top not in ("elfslam", "studies"):
-        return None
-    path = ROOT.joinpath("src" if top == "elfslam" else "", *names)
-    found = (each for each in (path.with_suffix(".py"), path / "__init__.py") if each.exists())
-    return next((each.relative_to(ROOT).as_posix() for each in found), None)
-
-
-@cache
-def _imports(file: str) -> tuple[str, ...]:
-    tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
-    found: list[str] = []
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            found += [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            found += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-    return tuple(found)
-
-
-@cache
-def _code_then(commit: str, name: str) -> str:
-    try:
-        return _code(git("show", f"{commit}:{name}"))
-    except (subprocess.CalledProcessError, SyntaxError, UnicodeDecodeError):
-        return ""
-
-
-@cache
-def code_now(name: str) -> str:
-    """What a file of the project does, from its root: Python less prose and layout."""
-    file = ROOT / name
-    return _code(file.read_text(encoding="utf-8")) if name.endswith(".py") else "changed"
-
-
-def _code(text: str) -> str:
-    """Python less comments, docstrings, layout, and when annotations are read."""
-    tree = ast.parse(text)
-    for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        if isinstance(body, list):
-            node.body = [each for each in body if not _is_prose(each)]  # type: ignore[attr-defined]
-    return ast.dump(tree)
-
-
-def _is_prose(node: object) -> bool:
-    if isinstance(node, ast.ImportFrom):
-        return node.module == "__future__"
-    return (
-        isinstance(node, ast.Expr)
-        and isinstance(node.value, ast.Constant)
-        and isinstance(node.value.value, str)
-    )
 
 
 def _cell(value: object) -> object:

@@ -20,8 +20,8 @@ from pathlib import Path
 from statistics import median
 
 from elfslam.app.console import print_rows
+from studies.reached import ROOT
 from studies.render import BLOCK, SUMMARY
-from studies.results import ROOT
 
 STUDIES = "studies"
 FLOOR = re.compile(r"\bfloor (\d)", re.I)

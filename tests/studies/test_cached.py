@@ -11,7 +11,7 @@ from elfslam.slam import front_end
 from elfslam.stages.feature import SpectralEncoder
 from elfslam.world import simulate as simulator
 from elfslam.world.simulate import load_world
-from studies import cached, results
+from studies import cached
 from studies.cached import bound_cache, extract_echoes, extract_features, simulate
 
 
@@ -47,25 +47,6 @@ def test_changed_code_makes_a_walk_again(monkeypatch: pytest.MonkeyPatch) -> Non
         monkeypatch.setattr(cached, "_digest", lambda module, digest=digest: digest)
         simulate(load_world("studio"), 100, rounds=1, sound=False)
     assert len(made) == 2
-
-
-def test_prose_changes_no_digest_but_code_does(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    digests = []
-    for module in (cached, results):
-        monkeypatch.setattr(module, "ROOT", tmp_path)
-    monkeypatch.setattr(cached, "code_of", lambda module: {"gait.py", "encoder"})
-    texts = ("SPEED = 1\n", '"""Gait."""\nSPEED = 1  # m/s\n', "SPEED = 2\n", "SPEED = 2\n")
-    for text, encoder in zip(texts, (b"1", b"1", b"1", b"2"), strict=True):
-        (tmp_path / "gait.py").write_text(text)
-        (tmp_path / "encoder").write_bytes(encoder)
-        for each in (results.code_now, cached._digest):
-            each.cache_clear()
-        digests.append(cached._digest("gait"))
-    cached._digest.cache_clear()
-    assert digests[0] == digests[1]
-    assert len(set(digests)) == 3
 
 
 def test_the_cache_is_bounded(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -128,8 +128,8 @@ def test_why_results_are_stale(tmp_path: Path, what: str, monkeypatch: pytest.Mo
         write_results(file, [replace(found, encoder="older")])
         wanted = "encoder older, now"
     elif what == "code":
-        monkeypatch.setattr(catalogue, "changed_since", lambda commit, module: ["a.py"])
-        wanted = "1 files changed since"
+        monkeypatch.setattr(catalogue, "changed_since", lambda commit, module: ["a.py:b"])
+        wanted = "1 changed since"
     elif what == "commits":
         write_results(file, [found, replace(found, commit="older")])
         wanted = "of several commits"

@@ -1,7 +1,6 @@
 """Results as data: records become rows, rows are read again, and what is stale is found out."""
 
 import dataclasses
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -55,43 +54,3 @@ def test_seeds_in_words() -> None:
     assert results.seeds_text((0, 1, 2)) == "0 to 2"
     assert results.seeds_text((100,)) == "100"
     assert results.seeds_text((0, 2)) == "0, 2"
-
-
-def test_the_code_of_a_module_is_what_it_imports_and_the_encoder() -> None:
-    code = results.code_of("elfslam.world.simulate")
-    assert {"src/elfslam/world/simulate.py", "src/elfslam/world/walker.py"} <= code
-    assert "src/elfslam/weights/compact.onnx" in code
-    assert not any(file.startswith(("src/elfslam/serve", "studies")) for file in code)
-
-
-@pytest.fixture
-def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A project of one file, committed."""
-    (tmp_path / "studies").mkdir()
-    (tmp_path / "studies" / "gait.py").write_text('"""Gait."""\nSPEED = 1  # m/s\n')
-    (tmp_path / "studies" / "other.py").write_text("")
-    monkeypatch.setattr(results, "ROOT", tmp_path)
-    monkeypatch.setattr(results, "code_of", lambda module: frozenset({"studies/gait.py"}))
-    results.code_now.cache_clear()
-    results._code_then.cache_clear()
-    name = ("-c", "user.name=a", "-c", "user.email=a@b")
-    for command in (("init", "-q"), ("add", "."), (*name, "commit", "-qm", "one")):
-        subprocess.run(["git", "-C", str(tmp_path), *command], check=True)
-    return tmp_path
-
-
-def test_prose_makes_no_result_stale_and_code_does(project: Path) -> None:
-    commit = results.git("rev-parse", "HEAD").strip()
-    assert results.changed_since(commit, "gait") == []
-    (project / "studies" / "gait.py").write_text(
-        '"""How people walk."""\n\nfrom __future__ import annotations\n\nSPEED = 1\n'
-    )
-    (project / "studies" / "other.py").write_text("MORE = 1\n")
-    assert results.changed_since(commit, "gait") == []
-    results.code_now.cache_clear()
-    (project / "studies" / "gait.py").write_text("SPEED = 2\n")
-    assert results.changed_since(commit, "gait") == ["studies/gait.py"]
-
-
-def test_of_an_unknown_commit_everything_has_changed(project: Path) -> None:
-    assert results.changed_since("0" * 40, "gait") == ["studies/gait.py"]
