@@ -41,7 +41,7 @@ HALL, HALL_SEED = "concourse", 100
 """A simulated walk of two laps, 238 m, through the field of a hall."""
 Choice = tuple[float, float, float]
 SETS = (*PAPER_RMSE_M, HALL)
-CHOICE_SEEDS = (101, 102)
+CHOICE_SEEDS = (101, 102, 103, 104, 105)
 """Drifts that parameters are chosen on."""
 THRESHOLDS, SIGMAS_M, WORST = (0.45, 0.55, 0.65, 0.75), (0.5, 0.7, 1.0, 1.5, 3.0), (0.25, 0.35, 0.5)
 CHOSEN = ("threshold", "sigma (m)", "worst difference")
