@@ -1,6 +1,7 @@
 """A walk over two floors becomes a building on disk, in which each floor is a run folder."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from elfslam.data.building_files import floor_folder, read_building
 from elfslam.data.geographic import Origin
 from elfslam.data.imdf import Venue
 from elfslam.data.map_files import read_facts, read_map
+from elfslam.data.named_places import read_points
 from elfslam.data.plan_geojson import read_plan_shapes
 from elfslam.data.recordings import write_recording
 from elfslam.data.runs import read_run
@@ -178,7 +180,21 @@ def test_buildings_of_walks_become_one(building: Path, walk: Path, tmp_path: Pat
     fixes = locate_from(walk, out, Settings())
     assert set(fixes.level[np.isfinite(fixes.level)]) == {0, 1}
     assert run(["merge", str(out), both[1], str(tmp_path / "again")]) == 2
+    assert run(["merge", str(out), str(out), str(tmp_path / "again")]) == 2
     assert run(["merge", str(floor_folder(building, 0)), both[1], str(tmp_path / "mixed")]) == 2
+    for name, folder in (("third", tmp_path / "second"), ("alone", floor_folder(building, 1))):
+        shutil.copytree(folder, tmp_path / name)
+    (tmp_path / "third" / "floors" / "0" / "points_of_interest.csv").write_text(
+        "name,kind,x_m,y_m\nDesk,other,0.5,0.5\n"
+    )
+    more = [str(tmp_path / "third"), str(tmp_path / "alone")]
+    assert run(["merge", str(out), *more, str(tmp_path / "more")]) == 0
+    assert read_building(tmp_path / "more").floors == told.floors
+    grown = [floor_folder(tmp_path / "more", level) for level in told.levels]
+    sources = [set(read_map(each).sources) for each in grown]
+    assert sources[0] & sources[1] >= {"building", "second", "third"}
+    assert "alone" in sources[0] ^ sources[1]
+    assert [each.name for each in read_points(grown[0])] == ["Desk"]
 
 
 def test_python_locates_in_a_run_over_several_floors(walk: Path) -> None:

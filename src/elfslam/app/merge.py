@@ -18,13 +18,20 @@ from elfslam.base.text_files import readable
 from elfslam.base.values import ELF_SIZE, Announce, FloorMap, PointOfInterest, Trajectory
 from elfslam.data import map_files
 from elfslam.data.atomic_files import new_folder, refuse_occupied, settled
-from elfslam.data.building_files import BUILDING, floor_folder, read_building, write_building
+from elfslam.data.building_files import (
+    BUILDING,
+    floor_folder,
+    is_building,
+    read_building,
+    write_building,
+)
 from elfslam.data.named_places import read_points
 from elfslam.data.runs import read_run
 from elfslam.learn.parameters import FloorLevelParameters
 from elfslam.slam.merging import MappedWalk, MergeParameters, add_walk, lay_walk, merge, walk_of
 from elfslam.slam.merging.floors import (
     MergedFloor,
+    add_to_building,
     merged_building,
     merged_floors,
     numbered_alike,
@@ -91,11 +98,58 @@ def merge_buildings_into(
     known_starts: bool = False,
     overwrite: bool = False,
 ) -> tuple[Building, Outcome]:
-    """Merge the buildings of single walks into one: one frame for all, a merged map a floor.
+    """Merge the buildings of single walks into one, a merged map a floor, or add walks to such.
 
-    Raises NoAnswerError where no walk could be merged, InputError where they cannot be compared.
+    To a merged building walks of one floor are added as well. Raises NoAnswerError where no walk
+    could be merged, InputError where they cannot be compared.
     """
     refuse_occupied(out, BUILDING if overwrite else None)
+    bases = [path for path in paths if is_merged_building(path)]
+    if len(bases) > 1:
+        raise InputError(f"merge: wanted one merged building at most, got {len(bases)}; merge the "
+                         "buildings of their walks instead")  # fmt: skip
+    others = [path for path in paths if path not in bases]
+    if bases:
+        made = _grown_building(bases[0], others, parameters, announce, known_starts=known_starts)
+    else:
+        made = _joined_buildings(out, others, parameters, announce, known_starts=known_starts)
+    encoder = _encoder_in([floor_folder(paths[0], read_building(paths[0]).levels[0])])
+    with new_folder(out, replaces=BUILDING if overwrite else None) as partial:
+        write_building(made.building, partial)
+        for level, floor in made.floors.items():
+            write_merged_map(
+                floor_folder(partial, level), floor.floor_map, parameters,
+                told={"walks": list(floor.floor_map.sources), "level": level},
+                trajectories=floor.trajectories, refused=made.outcome.refused, encoder=encoder,
+                points_of_interest=made.points_of_interest[level], overwrite=False,
+            )  # fmt: skip
+    return made.building, made.outcome
+
+
+def is_merged_building(path: Path) -> bool:
+    """Whether a folder holds a building of several walks."""
+    return is_building(path) and not (settled(path) / map_files.FACTS).is_file()
+
+
+@dataclass(frozen=True, eq=False)
+class _MadeBuilding:
+    """A building of several walks, what was mapped and named on its floors, and how it came out."""
+
+    building: Building
+    floors: Mapping[int, MergedFloor]
+    points_of_interest: Mapping[int, Sequence[PointOfInterest]]
+    outcome: Outcome
+
+
+def _joined_buildings(
+    out: Path,
+    paths: Sequence[Path],
+    parameters: MergeParameters,
+    announce: Announce,
+    *,
+    known_starts: bool,
+) -> _MadeBuilding:
+    """The buildings of single walks as one: one frame for all."""
     walks, floors = zip(*[_building_walk(path, announce) for path in paths], strict=True)
     names = [walk.name for walk in walks]
     if len(set(names)) < len(names):
@@ -108,25 +162,70 @@ def merge_buildings_into(
     trajectories = [made.trajectories[walk.name] for walk in taken]
     merged = merged_floors(taken, trajectories, known, parameters)
     building = merged_building(readable(out.name), taken, trajectories, known, list(merged))
-    encoder = _encoder_in([floor_folder(paths[0], read_building(paths[0]).levels[0])])
-    with new_folder(out, replaces=BUILDING if overwrite else None) as partial:
-        write_building(building, partial)
-        for level, floor in merged.items():
-            write_merged_map(
-                floor_folder(partial, level), floor.floor_map, parameters,
-                told={"walks": list(floor.floor_map.sources), "level": level},
-                trajectories=floor.trajectories, refused=made.refused, encoder=encoder,
-                points_of_interest=_named_on(folders, taken, floor, level), overwrite=False,
-            )  # fmt: skip
-    return building, made
+    named = {level: _named_on(folders, taken, floor, level) for level, floor in merged.items()}
+    return _MadeBuilding(building, merged, named, made)
+
+
+def _grown_building(
+    base: Path,
+    paths: Sequence[Path],
+    parameters: MergeParameters,
+    announce: Announce,
+    *,
+    known_starts: bool,
+) -> _MadeBuilding:
+    """A merged building with the walks that join it, or with all where their starts are known."""
+    building = read_building(base)
+    folders = {level: floor_folder(base, level) for level in building.levels}
+    floors = {level: MergedFloor(map_files.read_map(each), {}) for level, each in folders.items()}
+    points = {level: read_points(each) for level, each in folders.items()}
+    sources = {name for each in floors.values() for name in each.floor_map.sources}
+    trajectories: dict[str, Trajectory] = {}
+    refused: dict[str, str] = {}
+    pairs = []
+    for path in paths:
+        walk, own = _walk_or_building(path, announce)
+        if walk.name in sources:
+            raise InputError(f"merge: {walk.name} is in the building already; leave it out")
+        maps = {level: each.floor_map for level, each in floors.items()}
+        building, joined, found, numbered = add_to_building(
+            building, maps, walk, own, parameters, known_start=known_starts
+        )
+        pairs.append(_row("building", walk.name, found))
+        if not joined:
+            refused[walk.name] = f"with the building: {found.refusal}"
+            continue
+        there = _floor_folders(path, numbered) if own else {numbered[0].level: path}
+        for level, each in joined.items():
+            before = floors.get(level, MergedFloor(each.floor_map, {}))
+            floors[level] = replace(each, trajectories=before.trajectories | each.trajectories)
+            named = _named_on([there], [walk], each, level)
+            points[level] = tuple(gathered([*points.get(level, ()), *named]))
+        sources.add(walk.name)
+        trajectories[walk.name] = walk.trajectory
+    if not trajectories:
+        raise NoAnswerError(f"merge: no walk could be added; {_first(refused)}")
+    outcome = Outcome(next(iter(floors.values())).floor_map, trajectories, pairs, refused)
+    return _MadeBuilding(building, dict(sorted(floors.items())), points, outcome)
+
+
+def _first(refused: Mapping[str, str]) -> str:
+    return next((f"{name}: {why}" for name, why in refused.items()), "name some runs")
+
+
+def _walk_or_building(
+    path: Path, announce: Announce
+) -> tuple[MappedWalk, tuple[BuildingFloor, ...]]:
+    """A walk and its floors, of which one that knows no levels has none."""
+    if is_building(path):
+        return _building_walk(path, announce)
+    return _walks([path], announce)[0], ()
 
 
 def _building_walk(path: Path, announce: Announce) -> tuple[MappedWalk, tuple[BuildingFloor, ...]]:
     """The walk of a building, with what was heard on its floors, and these."""
     name = readable(path.absolute().name)
     announce(f"reading {name}", None)
-    if not (settled(path) / map_files.FACTS).is_file():
-        raise InputError(f"{path}: is a merged building; merge the buildings of its walks instead")
     run, building = read_run(path), read_building(path)
     heard = [read_run(floor_folder(path, level)).features for level in building.levels]
     if run.visited is None or any(each is None for each in heard):

@@ -11,7 +11,12 @@ from elfslam.app.anchor import drawn_plan
 from elfslam.app.console import compilation_announced, print_rows, progress_bar, say
 from elfslam.app.demo import run_demo
 from elfslam.app.locate import merge_by_field
-from elfslam.app.merge import merge_buildings_into, merge_into, superimpose_into
+from elfslam.app.merge import (
+    is_merged_building,
+    merge_buildings_into,
+    merge_into,
+    superimpose_into,
+)
 from elfslam.app.settings import Settings
 from elfslam.app.workers import open_workers
 from elfslam.base.enums import Modality, parse_modalities, parse_stretch
@@ -138,10 +143,10 @@ def merge_command(
         _merge_by_field(out, runs, parse_modalities(by), settings, force=force)
         return
     buildings = [path for path in runs if is_building(path)]
-    if buildings and len(buildings) < len(runs):
+    if buildings and len(buildings) < len(runs) and not any(map(is_merged_building, runs)):
         raise InputError(
-            f"merge: {buildings[0]} is a building and not all others are; merge buildings with "
-            f"each other, or one of its floors ({buildings[0] / FLOORS})"
+            f"merge: {buildings[0]} is a building of one walk and not all others are; merge "
+            f"buildings with each other, or one of its floors ({buildings[0] / FLOORS})"
         )
     with progress_bar() as announce:
         if buildings:
@@ -156,11 +161,12 @@ def merge_command(
         print_rows(made.pairs, title="How they met", as_json=as_json)
     for name, why in made.refused.items():
         say(f"not merged: {name}: {why}")
-    walks = len(made.floor_map.sources)
     if buildings:
+        walks = len(made.trajectories)
         floors = ", ".join(f"{each.level} at {each.height_m:g} m" for each in building.floors)
-        say(f"{walks} walks in one building; floors {floors}, each in {out / FLOORS}")
+        say(f"{walks} walks joined in one building; floors {floors}, each in {out / FLOORS}")
     else:
+        walks = len(made.floor_map.sources)
         say(f"{walks} walks in one map; look at {out / 'report.html'}")
 
 

@@ -7,10 +7,16 @@ import numpy.testing as npt
 import pytest
 
 from elfslam.base import values
-from elfslam.base.building import BuildingFloor
+from elfslam.base.building import Building, BuildingFloor
 from elfslam.base.errors import InputError
+from elfslam.base.geometry import compose
 from elfslam.slam.merging import MappedWalk, MergeParameters, merge
-from elfslam.slam.merging.floors import merged_building, merged_floors, numbered_alike
+from elfslam.slam.merging.floors import (
+    add_to_building,
+    merged_building,
+    merged_floors,
+    numbered_alike,
+)
 from elfslam.slam.merging.members import links_between, side_of
 
 KNOWN = MergeParameters()
@@ -98,3 +104,64 @@ def test_walks_are_one_building_with_a_map_a_floor() -> None:
     building = merged_building("hall", walks, trajectories, numbered, [0, 1])
     assert [each.height_m for each in building.floors] == [0, 4]
     assert {each.kind for each in building.passages} == {values.LevelPassage.STAIRS}
+
+
+def merged() -> tuple[Building, dict[int, values.FloorMap]]:
+    """A building of two walks and the maps of its floors."""
+    walks, numbered = [walk("one", *UP), walk("two", *UP)], [floors(UP)] * 2
+    trajectories = merge(walks, KNOWN).maps[0].trajectories
+    made = merged_floors(walks, trajectories, numbered, KNOWN)
+    building = merged_building("hall", walks, trajectories, numbered, list(made))
+    return building, {level: each.floor_map for level, each in made.items()}
+
+
+def test_a_further_walk_joins_all_floors_by_one_alignment() -> None:
+    building, maps = merged()
+    moved = walk("third", *DOWN)
+    away = compose(np.array([30.0, -4.0, 2.0]), moved.trajectory.world_from_body)
+    moved = replace(moved, trajectory=replace(moved.trajectory, world_from_body=away))
+    grown, joined, found, there = add_to_building(building, maps, moved, floors(DOWN), KNOWN)
+    assert found.refusal == ""
+    assert [each.level for each in there] == [0, 1]
+    assert grown.floors == building.floors
+    for level, each in joined.items():
+        assert each.floor_map.sources == ("one", "two", "third"), level
+        off_m = np.linalg.norm(each.trajectories["third"].world_from_body[:, :2], axis=1) - 7
+        npt.assert_allclose(off_m, 0, atol=0.4)
+    assert sorted(joined) == [0, 1]
+
+
+@pytest.mark.parametrize("floor", [0, 1])
+def test_a_walk_of_one_floor_finds_which(floor: int) -> None:
+    building, maps = merged()
+    single = replace(walk("third", floor), levels=None)
+    grown, joined, found, there = add_to_building(building, maps, single, (), KNOWN)
+    assert found.refusal == ""
+    assert list(joined) == [floor] == [each.level for each in there]
+    assert grown.passages == building.passages
+
+
+def test_a_floor_where_nobody_had_been_joins_the_building() -> None:
+    building, maps = merged()
+    lower = Building("hall", building.floors[:1])
+    grown, joined, _, _ = add_to_building(
+        building, {0: maps[0]}, walk("third", *UP), floors(UP), KNOWN
+    )
+    assert grown.levels == (0, 1)
+    assert joined[1].floor_map.sources == ("third",)
+    with pytest.raises(InputError, match="two or more of equal heights"):
+        add_to_building(lower, {0: maps[0]}, walk("third", *UP), floors(UP), KNOWN)
+
+
+def test_who_was_elsewhere_stays_out_unless_the_start_is_known() -> None:
+    building, maps = merged()
+    strange = np.random.default_rng(7).normal(size=(2 * LAP * ECHOES, 32))
+    strange /= np.linalg.norm(strange, axis=1, keepdims=True)
+    other = walk("other", *UP)
+    other = replace(other, features=replace(other.features, vectors=strange.astype(np.float32)))
+    same, joined, found, _ = add_to_building(building, maps, other, floors(UP), KNOWN)
+    assert same is building
+    assert not joined
+    assert found.refusal
+    _, joined, _, _ = add_to_building(building, maps, other, floors(UP), KNOWN, known_start=True)
+    assert joined[0].floor_map.sources == ("one", "two", "other")

@@ -1,17 +1,33 @@
 """Walks over several floors become one building: their floors numbered alike, their maps apart."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from elfslam.base.building import Building, BuildingFloor, FloorsVisited
 from elfslam.base.errors import InputError
-from elfslam.base.values import FloorMap, Trajectory
+from elfslam.base.values import FloorMap, Levels, Trajectory
 from elfslam.slam.floors import gathered_passages, passages_walked
 from elfslam.slam.front_end import floors_walked
-from elfslam.slam.merging.grow import map_of_walks, pair_alignment
-from elfslam.slam.merging.members import MappedWalk, MergeParameters, links_between, side_of
+from elfslam.slam.merging.forgetting import renewed
+from elfslam.slam.merging.grow import (
+    aligned_onto,
+    check_map_encoder,
+    laid_onto,
+    map_of,
+    map_of_walks,
+    met_by,
+    pair_alignment,
+)
+from elfslam.slam.merging.members import (
+    MappedWalk,
+    MergeParameters,
+    links_between,
+    side_of,
+    sides_of,
+)
+from elfslam.stages.map_alignment import Registration
 
 Floors = tuple[BuildingFloor, ...]
 
@@ -36,25 +52,44 @@ def numbered_alike(
     first = side_of(walks[0], parameters)
     alike, numbered = [walks[0]], [floors[0]]
     for walk, own in zip(walks[1:], floors[1:], strict=True):
-        assert walk.levels is not None
-        shifts = [k for k in _shifts(floors[0], own) if _fits(floors[0], own, k, parameters)]
-        if not shifts:
-            raise InputError(
-                f"merge: {walk.name} has floors at {_heights(own)} m, {walks[0].name} at "
-                f"{_heights(floors[0])} m, wanted two or more of equal heights; merge it alone"
-            )
-        moved = [
-            replace(walk, levels=replace(walk.levels, level=walk.levels.level + k)) for k in shifts
-        ]
+        possible = _numberings(walks[0].name, floors[0], walk, own, parameters)
         evidence = []
-        for each in moved:
+        for each, _ in possible:
             side = side_of(each, parameters)
             links = links_between(first, side, parameters)
             evidence.append(pair_alignment(first, side, links, parameters).evidence)
-        best = int(np.argmax(evidence))
-        alike.append(moved[best])
-        numbered.append(tuple(replace(each, level=each.level + shifts[best]) for each in own))
+        best, there = possible[int(np.argmax(evidence))]
+        alike.append(best)
+        numbered.append(there)
     return alike, numbered
+
+
+def _numberings(
+    name: str, known: Floors, walk: MappedWalk, own: Floors, parameters: MergeParameters
+) -> list[tuple[MappedWalk, Floors]]:
+    """The ways to count a walk's floors as those of a building are; one floor may be any of them.
+
+    Raises InputError where there is none.
+    """
+    if walk.levels is None:
+        begin_s = walk.trajectory.t_s[:1]
+        return [
+            (replace(walk, levels=Levels(begin_s, np.array([float(each.level)]), (None,))), (each,))
+            for each in known
+        ]
+    shifts = [k for k in _shifts(known, own) if _fits(known, own, k, parameters)]
+    if not shifts:
+        raise InputError(
+            f"merge: {walk.name} has floors at {_heights(own)} m, {name} at {_heights(known)} m, "
+            "wanted two or more of equal heights; merge it alone"
+        )
+    return [
+        (
+            replace(walk, levels=replace(walk.levels, level=walk.levels.level + k)),
+            tuple(replace(each, level=each.level + k) for each in own),
+        )
+        for k in shifts
+    ]
 
 
 def _shifts(one: Floors, other: Floors) -> list[int]:
@@ -84,14 +119,24 @@ def merged_floors(
     """The floors of walks that share a frame, by level, each mapped by those who walked on it."""
     parts: dict[int, list[tuple[MappedWalk, Trajectory]]] = {}
     for walk, trajectory, own in zip(walks, trajectories, floors, strict=True):
-        assert walk.levels is not None
-        level = walk.levels.at(trajectory.t_s)
-        heard = walk.levels.at(walk.features.t_s)
-        for floor in floors_walked(FloorsVisited(walk.levels, own), trajectory.t_s):
-            there = trajectory.chosen(level == floor)
-            part = replace(walk, features=walk.features.chosen(heard == floor))
-            parts.setdefault(floor, []).append((part, there))
+        for floor, part in _parts(walk, trajectory, own).items():
+            parts.setdefault(floor, []).append(part)
     return {floor: _merged_floor(some, parameters) for floor, some in sorted(parts.items())}
+
+
+def _parts(
+    walk: MappedWalk, trajectory: Trajectory, own: Floors
+) -> dict[int, tuple[MappedWalk, Trajectory]]:
+    """A walk in parts, by the level of each floor that it went on."""
+    assert walk.levels is not None
+    level, heard = walk.levels.at(trajectory.t_s), walk.levels.at(walk.features.t_s)
+    return {
+        floor: (
+            replace(walk, features=walk.features.chosen(heard == floor)),
+            trajectory.chosen(level == floor),
+        )
+        for floor in floors_walked(FloorsVisited(walk.levels, own), trajectory.t_s)
+    }
 
 
 def _merged_floor(
@@ -132,3 +177,80 @@ def merged_building(
     ground_m = heights_m.get(0, 0.0)
     there = tuple(BuildingFloor(k, round(m - ground_m, 2)) for k, m in heights_m.items())
     return Building(name, there, gathered_passages(walked))
+
+
+def add_to_building(
+    building: Building,
+    maps: Mapping[int, FloorMap],
+    walk: MappedWalk,
+    own: Floors,
+    parameters: MergeParameters,
+    *,
+    known_start: bool = False,
+) -> tuple[Building, dict[int, MergedFloor], Registration, Floors]:
+    """A building whose floors have maps, by level, with one more walk, if it belongs there.
+
+    One alignment serves all floors; a walk of one floor may be on any. Gives the maps of the floors
+    that the walk went on, with its trajectory there, none where the alignment says why not; and
+    its floors as the building counts them. Raises InputError where encoders or heights differ.
+    """
+    check_map_encoder(next(iter(maps.values())), walk)
+    ones = [
+        replace(side, level=np.full(len(side.poses), float(level)))
+        for level, each in maps.items()
+        for side in sides_of(each, parameters)
+    ]
+    possible = _numberings(building.name, building.floors, walk, own, parameters)
+    meetings = [met_by(ones, each, parameters) for each, _ in possible]
+    best = int(np.argmax([found.evidence for _, found in meetings]))
+    (numbered, there), (met, found) = possible[best], meetings[best]
+    if known_start:
+        trajectory = laid_onto(ones, met, numbered, parameters)
+    else:
+        trajectory, found = aligned_onto(ones, met, found, numbered, parameters)
+        if found.refusal:
+            return building, {}, found, there
+    floors = {
+        level: MergedFloor(_renewed(maps.get(level), *part, parameters), {walk.name: part[1]})
+        for level, part in _parts(numbered, trajectory, there).items()
+    }
+    grown = _grown_building(building, [*maps, *floors], numbered, trajectory, there)
+    return grown, floors, found, there
+
+
+def _renewed(
+    floor_map: FloorMap | None,
+    part: MappedWalk,
+    trajectory: Trajectory,
+    parameters: MergeParameters,
+) -> FloorMap:
+    """The map of a floor with a walk on it; that of the walk where nobody had been."""
+    newer = map_of(part, trajectory, parameters)
+    return newer if floor_map is None else renewed(floor_map, newer, parameters)
+
+
+def _grown_building(
+    building: Building,
+    levels: Collection[int],
+    walk: MappedWalk,
+    trajectory: Trajectory,
+    own: Floors,
+) -> Building:
+    """The building with the floors and passages that a walk adds; its heights stay."""
+    assert walk.levels is not None
+    heights_m = {each.level: each.height_m for each in building.floors}
+    off_m = np.mean(
+        [heights_m[each.level] - each.height_m for each in own if each.level in heights_m]
+    )
+    new = [
+        BuildingFloor(each.level, round(each.height_m + float(off_m), 2))
+        for each in own
+        if each.level in levels and each.level not in heights_m
+    ]
+    walked = [
+        passage
+        for passage in passages_walked(trajectory, FloorsVisited(walk.levels, own))
+        if {passage.from_level, passage.to_level} <= set(levels)
+    ]
+    floors = sorted((*building.floors, *new), key=lambda each: each.level)
+    return Building(building.name, tuple(floors), gathered_passages([*building.passages, *walked]))

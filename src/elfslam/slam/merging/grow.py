@@ -99,19 +99,13 @@ def add_walk(
 
     Else the map as it was: the alignment says why. Raises InputError where the encoders differ.
     """
-    ones, other, meeting = _met(floor_map, walk, parameters)
-    found = align(meeting, usual_of([*ones, other]), parameters.alignment)
+    check_map_encoder(floor_map, walk)
+    ones = sides_of(floor_map, parameters)
+    met, found = met_by(ones, walk, parameters)
+    trajectory, found = aligned_onto(ones, met, found, walk, parameters)
     if found.refusal:
-        return floor_map, found, walk.trajectory
-    trajectory = against_map(walk, found.one_from_other, meeting.one, meeting.links, parameters)
-    alike = similarity_to(
-        ones, replace(other, poses=middles(trajectory.world_from_body)), parameters
-    )
-    if alike < parameters.alignment.least_resemblance:
-        refusal = f"bent onto it it {_too_little(alike)}"
-        return floor_map, replace(found, refusal=refusal), walk.trajectory
-    grown, trajectory = _taken_in(floor_map, walk, trajectory, ones, parameters)
-    return grown, found, trajectory
+        return floor_map, found, trajectory
+    return renewed(floor_map, map_of(walk, trajectory, parameters), parameters), found, trajectory
 
 
 def lay_walk(
@@ -119,39 +113,70 @@ def lay_walk(
 ) -> tuple[FloorMap, Trajectory]:
     """The map with one more walk of its own frame, which needs no evidence; its spots stay.
 
-    The walk is tied to where it began, or to where its walker tapped on a plan, and to spots that
-    sound alike. Raises InputError where the encoders differ, NoAnswerError where the graph has no
-    solution.
+    Raises InputError where the encoders differ, NoAnswerError where the graph has no solution.
     """
-    ones, _, meeting = _met(floor_map, walk, parameters)
-    trajectory = against_map(
-        walk, np.zeros(3), meeting.one, meeting.links, parameters, known_start=True
-    )
-    return _taken_in(floor_map, walk, trajectory, ones, parameters)
+    check_map_encoder(floor_map, walk)
+    ones = sides_of(floor_map, parameters)
+    trajectory = laid_onto(ones, met_by(ones, walk, parameters)[0], walk, parameters)
+    return renewed(floor_map, map_of(walk, trajectory, parameters), parameters), trajectory
 
 
-def _met(
-    floor_map: FloorMap, walk: MappedWalk, parameters: MergeParameters
-) -> tuple[list[Side], Side, WalkPair]:
-    """The walks of a map, one more, and what it has in common with them."""
-    check_encoders([*(("the map", item) for item in _encoders(floor_map)), _encoder_of(walk)])
-    ones, other = sides_of(floor_map, parameters), side_of(walk, parameters)
+def met_by(
+    ones: Sequence[Side], walk: MappedWalk, parameters: MergeParameters
+) -> tuple[WalkPair, Registration]:
+    """What a walk has in common with those of a map, and how it lies to them by that."""
+    other = side_of(walk, parameters)
     links = [links_between(one, other, parameters) for one in ones]
-    return ones, other, meeting_of(ones, other, links, parameters)
+    meeting = meeting_of(ones, other, links, parameters)
+    return meeting, align(meeting, usual_of([*ones, other]), parameters.alignment)
 
 
-def _taken_in(
-    floor_map: FloorMap,
-    walk: MappedWalk,
-    trajectory: Trajectory,
+def aligned_onto(
     ones: Sequence[Side],
+    met: WalkPair,
+    found: Registration,
+    walk: MappedWalk,
     parameters: MergeParameters,
-) -> tuple[FloorMap, Trajectory]:
-    """The map with a walk that is bent onto its spots, which are uncertain themselves."""
+) -> tuple[Trajectory, Registration]:
+    """A walk bent onto those of a map, as `met_by` found; as it was where that is refused.
+
+    Bent onto them it must still be similar enough.
+    """
+    if found.refusal:
+        return walk.trajectory, found
+    trajectory = against_map(walk, found.one_from_other, met.one, met.links, parameters)
+    bent = replace(side_of(walk, parameters), poses=middles(trajectory.world_from_body))
+    alike = similarity_to(ones, bent, parameters)
+    if alike < parameters.alignment.least_resemblance:
+        refusal = f"bent onto it it {_too_little(alike)}"
+        return walk.trajectory, replace(found, refusal=refusal)
+    return _less_sure(trajectory, ones), found
+
+
+def laid_onto(
+    ones: Sequence[Side], met: WalkPair, walk: MappedWalk, parameters: MergeParameters
+) -> Trajectory:
+    """A walk of the frame of a map, bent onto its walks without evidence.
+
+    It is tied to where it began, or to where its walker tapped on a plan, and to spots that sound
+    alike. Raises NoAnswerError where the graph has no solution.
+    """
+    frame = np.zeros(3)
+    bent = against_map(walk, frame, met.one, met.links, parameters, known_start=True)
+    return _less_sure(bent, ones)
+
+
+def _less_sure(trajectory: Trajectory, ones: Sequence[Side]) -> Trajectory:
+    """The same where the spots that it was bent onto are uncertain themselves."""
     covariance = trajectory.covariance.copy()
     covariance[:, :2, :2] += np.mean([one.sigma_m for one in ones]) ** 2 * np.eye(2)
-    trajectory = replace(trajectory, covariance=covariance)
-    return renewed(floor_map, map_of(walk, trajectory, parameters), parameters), trajectory
+    return replace(trajectory, covariance=covariance)
+
+
+def check_map_encoder(floor_map: FloorMap, walk: MappedWalk) -> None:
+    """Raise InputError where a map and a walk have features of different encoders."""
+    known = [("the map", item.encoder) for item in floor_map.payloads if item.kind == "elf"]
+    check_encoders([*known, (walk.name, walk.features.encoder)])
 
 
 def check_encoders(named: Sequence[tuple[str, str]]) -> None:
@@ -272,14 +297,6 @@ def _why_not(k: int, walks: Sequence[MappedWalk], found: Grouped) -> str:
     pair = max(mine, key=lambda each: mine[each].evidence)
     other = walks[pair[0] if pair[1] == k else pair[1]].name
     return f"with {other}: {mine[pair].refusal or 'contradicts the others'}"
-
-
-def _encoders(floor_map: FloorMap) -> list[str]:
-    return [item.encoder for item in floor_map.payloads if item.kind == "elf"]
-
-
-def _encoder_of(walk: MappedWalk) -> tuple[str, str]:
-    return walk.name, walk.features.encoder
 
 
 Links = dict[tuple[int, int], Closures]
