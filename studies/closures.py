@@ -128,6 +128,6 @@ def _pairs(i: I64, j: I64) -> Closures:
 
 STUDY = Study(
     "How right and how complete are loop closures after each step that curates them?",
-    measure_closures, minutes=5, scenarios=("people", "quiet"), long=True, needs=("sklearn",),
+    measure_closures, minutes=5, scenarios=("people",), long=True, needs=("sklearn",),
     fast={"worlds": ("studio",), "seeds": (100,), "rounds": 2},
 )  # fmt: skip

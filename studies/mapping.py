@@ -303,7 +303,7 @@ def _turned(covariance: F64, angle_rad: float) -> F64:
 
 STUDY = Study(
     "How far off are maps, by method, in the paper's three places?",
-    measure_mapping, minutes=55, scenarios=("people", "surveyor", "quiet"), long=True,
+    measure_mapping, minutes=55, scenarios=("people", "surveyor"), long=True,
     needs=("torch", "sklearn"),
     fast={"worlds": ("living_room",), "seeds": (0, 1), "rounds": 2,
           "scratch": ScratchParameters(steps=20, pairs=32, threads=1)},

@@ -218,6 +218,6 @@ def _fix_numbers(mapped: Mapped, query: Stranger, settings: Settings) -> dict[st
 
 STUDY = Study(
     "How good are maps by noisy phones, with and without correction, and fixes of such phones?",
-    measure_noisy_phones, minutes=10, long=True, scenarios=("people", "surveyor", "quiet"),
+    measure_noisy_phones, minutes=10, long=True, scenarios=("people", "surveyor"),
     fast={"worlds": ("studio",), "seeds": (120,), "phones": PHONES[:2], "rounds": 2},
 )  # fmt: skip

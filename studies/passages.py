@@ -82,6 +82,6 @@ def _median_m(poses: F64, true: F64) -> float:
 
 STUDY = Study(
     "How much of a walk's error do walls and furniture of a floor plan put right?",
-    measure_passages, minutes=30, scenarios=("people", "quiet"), long=True,
+    measure_passages, minutes=30, scenarios=("people",), long=True,
     fast={"worlds": ("studio",), "seeds": (102,), "known": MapMatchingParameters(particles=1000)},
 )  # fmt: skip

@@ -19,6 +19,8 @@ from typing import NamedTuple
 ROOT = Path(__file__).resolve().parents[1]
 ENCODER = ROOT / "src" / "elfslam" / "weights" / "compact.onnx"
 OWN_FILE = Path(__file__).relative_to(ROOT).as_posix()
+STUDY = "STUDY"
+"""What a study is called in its module."""
 ON_IMPORT = ""
 """The name of the statements of a module that define nothing."""
 
@@ -59,10 +61,12 @@ def digest(module: str) -> str:
 
 @cache
 def reached(module: str) -> frozenset[Definition]:
-    """Every definition that those of a module reach, theirs too."""
+    """Every definition that those of a module reach, theirs too; what a study says of itself is
+    none."""
     start = _file_of(module)
     found: set[Definition] = set()
-    waiting = [Definition(start, name) for name in source(start).defined] if start else []
+    own = source(start).defined.keys() - {STUDY} if start else ()
+    waiting = [Definition(start, name) for name in own if start]
     while waiting:
         each = waiting.pop()
         if each not in found:

@@ -171,7 +171,7 @@ def _middles(walk: PhoneWalk) -> F64:
 
 STUDY = Study(
     "What helps a phone that nobody mapped with?",
-    measure_unknown_phone, minutes=8, long=True, scenarios=("surveyor", "quiet"),
+    measure_unknown_phone, minutes=8, long=True, scenarios=("surveyor",),
     needs=("torch",),
     fast={"worlds": ("studio",), "seeds": (110,), "phones": ("bottom-fired",), "rounds": 1,
           "steps": 10},

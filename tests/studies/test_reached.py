@@ -74,7 +74,7 @@ def changed(root: Path, file: str, before: str, after: str) -> list[str]:
 def test_a_module_reaches_what_it_names_and_the_data_beside(root: Path) -> None:
     found = {f"{each.file}:{each.name}" for each in reached.reached("studies.gait") if each.name}
     assert found == {
-        *(f"{GAIT_FILE}:{name}" for name in ("STEP_M", "speed_mps", "measured", "STUDY")),
+        *(f"{GAIT_FILE}:{name}" for name in ("STEP_M", "speed_mps", "measured")),
         f"{PACES}:cadence_hz", f"{TABLES}:load",
     }  # fmt: skip
     assert reached.Definition(HALL, reached.ON_IMPORT) in reached.reached("studies.gait")
@@ -88,6 +88,7 @@ def test_a_module_reaches_what_it_names_and_the_data_beside(root: Path) -> None:
         (HALL, "40", "50", f"{HALL}:"),
         (PACES, "class Pace", "import os\nos.nice(1)\nclass Pace", f"{PACES}:"),
         (PACES, "LAZY = 1", "LAZY = 2", ""),
+        (GAIT_FILE, "STUDY = measured", "STUDY = measured, 'How fast?'", ""),
         (PACES, "def cadence_hz():\n", 'def cadence_hz():\n    """Of steps."""\n', ""),
         (GAIT_FILE, "STEP_M = 0.7", "STEP_M = (\n    0.7  # m\n)", ""),
         (GAIT_FILE, "pace: Pace", "pace: int", f"{GAIT_FILE}:measured"),
