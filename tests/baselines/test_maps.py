@@ -117,6 +117,13 @@ def test_nothing_alike_gives_no_closure():
     assert len(neighbours.neighbour_closures(np.zeros((3, 3)), PARAMETERS).i) == 0
 
 
+def test_what_weighs_next_to_nothing_gives_no_closure():
+    weights = np.zeros((3, 3))
+    weights[0, 1:] = 1.0, 1e-30
+    closures = neighbours.neighbour_closures(weights, PARAMETERS)
+    assert list(zip(closures.i, closures.j, strict=True)) == [(0, 1)]
+
+
 def test_the_field_is_known_again_the_other_way_and_without_a_level():
     generator = np.random.default_rng(0)
     windows = generator.normal(size=(2, 33, 2))

@@ -18,6 +18,8 @@ from elfslam.baselines.magnetic import field_by_distance, warping_costs_where
 
 UNKNOWN_HEADING_RAD = 100.0
 """Far more than a full turn: such a sigma leaves the heading free."""
+LEAST_SHARE = 1e-9
+"""Of all pulls on a place; what has less of them pulls nothing."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,7 @@ def neighbour_closures(weights: F64, parameters: NeighbourParameters) -> Closure
     strongest = np.where((weights >= least) & (weights > 0), weights, 0.0)
     share = strongest / np.maximum(strongest.sum(axis=1, keepdims=True), 1e-300)
     share = np.triu(share + share.T)
-    i, j = np.nonzero(share)
+    i, j = np.nonzero(share > LEAST_SHARE)
     variance_m2 = parameters.sigma_m**2 / share[i, j]
     covariance = np.zeros((len(i), 3, 3))
     covariance[:, 0, 0] = covariance[:, 1, 1] = variance_m2
