@@ -1,7 +1,7 @@
 """Magnetic closures chosen without the walk they are judged on: each set left out once.
 
 Thresholds and sigmas are chosen on the other sets, with drifts of their own, and judged on the
-drifts of the set that was left out. Beside the four published walks stands a simulated hall.
+drifts of the set that was left out.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,13 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from elfslam.base.arrays import F64
-from elfslam.base.geometry import interpolate_poses
-from elfslam.base.values import Orientation, Recording, Truth
-from elfslam.baselines.magnetic import level_by_gravity
-from elfslam.data.magnetic import drifted_odometry, read_magnetic
-from elfslam.world.sensors import Sensor
-from elfslam.world.simulate import load_world
-from studies.cached import simulate
+from elfslam.data.magnetic import read_magnetic
 from studies.magnetic_walks import (
     CLOSURES,
     PAPER_RMSE_M,
@@ -37,10 +31,8 @@ from studies.magnetic_walks import (
 from studies.results import Record, seeds_text
 from studies.study import Study, StudyContext, finished
 
-HALL, HALL_SEED = "concourse", 100
-"""A simulated walk of two laps, 238 m, through the field of a hall."""
 Choice = tuple[float, float, float]
-SETS = (*PAPER_RMSE_M, HALL)
+SETS = tuple(PAPER_RMSE_M)
 CHOICE_SEEDS = (101, 102, 103, 104, 105)
 """Drifts that parameters are chosen on."""
 THRESHOLDS, SIGMAS_M, WORST = (0.45, 0.55, 0.65, 0.75), (0.5, 0.7, 1.0, 1.5, 3.0), (0.25, 0.35, 0.5)
@@ -80,33 +72,16 @@ def measure_magnetic_left_out(
 
 def measure_walk(task: DriftedWalk, data: Path, choices: Sequence[Choice]) -> list[Record]:
     """Errors of a walk: drifted, and mapped with each of the choices (the method)."""
-    recording, truth = _walk(task, data)
+    generator = np.random.default_rng(task.seed)
+    recording, truth = read_magnetic(
+        data / "magnetic" / f"{task.name}.mat", generator, PAPERS_DRIFT
+    )
     seen = see(recording, truth, recording.orientation)
     drifted_m = rmse_m(seen.odometry.t_s, seen.odometry.world_from_body, seen.truth)
     return [Record(RECKONED, RMSE, drifted_m)] + [
         Record(str(choice), RMSE, rmse_m(seen.nodes.t_s, _mapped(seen, choice), seen.truth))
         for choice in choices
     ]
-
-
-def _walk(task: DriftedWalk, data: Path) -> tuple[Recording, Truth]:
-    generator = np.random.default_rng(task.seed)
-    if task.name == HALL:
-        return hall_walk(generator)
-    return read_magnetic(data / "magnetic" / f"{task.name}.mat", generator, PAPERS_DRIFT)
-
-
-def hall_walk(generator: np.random.Generator) -> tuple[Recording, Truth]:
-    """The simulated walk with odometry at 10 Hz that drifts as that of the published walks."""
-    recording, truth = simulate(
-        load_world(HALL), HALL_SEED, rounds=2, sound=False, sensors=[Sensor.MAGNETIC]
-    )
-    assert recording.imu is not None
-    t_s = np.arange(truth.t_s[0], truth.t_s[-1], 0.1)
-    poses = interpolate_poses(truth.t_s, truth.world_from_body, t_s)
-    odometry = drifted_odometry(t_s, poses, PAPERS_DRIFT, generator)
-    level: Orientation = level_by_gravity(recording.imu)
-    return replace(recording, odometry=odometry, orientation=level), Truth(t_s, poses)
 
 
 def _mapped(seen: Seen, choice: Choice) -> F64:
