@@ -11,15 +11,18 @@ import pytest
 from PIL import Image
 
 from elfslam.app import anchor
+from elfslam.app.export import ExportContext, export
 from elfslam.base import values
 from elfslam.base.building import Building, BuildingFloor, Passage
+from elfslam.base.enums import Format
 from elfslam.base.errors import InputError, NoAnswerError, StoreError
 from elfslam.base.geometry import chain, inverse
 from elfslam.base.grid import FloorGrid, outlines, walked_grid
 from elfslam.base.values import NO_CLOSURES, FloorMap, LevelPassage, Odometry, Run, Trajectory
 from elfslam.cli import app as command
 from elfslam.data.building_files import floor_folder, read_building, write_building
-from elfslam.data.geographic import Origin, from_lon_lat
+from elfslam.data.geographic import Origin, from_lon_lat, to_lon_lat
+from elfslam.data.imdf import Venue
 from elfslam.data.map_exports import feature, polygon_of
 from elfslam.data.map_files import read_map, write_map
 from elfslam.data.runs import write_run
@@ -104,6 +107,21 @@ def test_a_start_is_of_the_first_walk(image: str, floor_map: FloorMap) -> None:
     found = anchor.place_on(floor_map, anchor.read_plan(image), KNOWN, WALK[0])
     assert found.status == OK
     assert np.linalg.norm(placed(floor_map.xy_m[:1], found.plan_from_map, 1.0) - WALK[0]) < 0.5
+
+
+def test_a_map_lies_where_it_is_on_its_own_export(floor_map: FloorMap, tmp_path: Path) -> None:
+    venue = Venue("Tower", "hotel", "Hauptstrasse 1", "Bern", "CH", "Ground", 0)
+    told = ExportContext(Origin(47.0, 8.0), venue)
+    (tmp_path / "map").mkdir()
+    write_map(floor_map, tmp_path / "map" / "map.npz")
+    export(tmp_path / "map", tmp_path / "own.zip", Format.IMDF, told)
+    plan = anchor.read_plan(str(tmp_path / "own.zip"))
+    found = anchor.place_on(floor_map, plan, KNOWN, None)
+    assert found.status == OK
+    assert abs(found.plan_from_map[2]) < 0.05
+    assert plan.origin is not None
+    there = to_lon_lat(plan.origin, placed(floor_map.xy_m, found.plan_from_map, found.scale))
+    npt.assert_allclose(there, to_lon_lat(told.origin, floor_map.xy_m), atol=5e-6)
 
 
 def test_a_plan_in_degrees_says_where_its_frame_lies(tmp_path: Path) -> None:

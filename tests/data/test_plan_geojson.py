@@ -229,8 +229,8 @@ def test_the_levels_of_an_archive_of_imdf_are_read_by_their_ordinals(tmp_path: P
     for level, line_m in lines_m.items():
         drawn = read_plan_shapes(tmp_path / "tower.zip", ORIGIN, str(level))
         low, high = drawn.corners_m.min(axis=0), drawn.corners_m.max(axis=0)
-        npt.assert_allclose(low, line_m.min(axis=0) - 0.35, atol=0.1)
-        npt.assert_allclose(high, line_m.max(axis=0) + 0.35, atol=0.1)
+        npt.assert_allclose(low, line_m.min(axis=0) - 0.5, atol=0.1)
+        npt.assert_allclose(high, line_m.max(axis=0) + 0.5, atol=0.1)
 
 
 @pytest.mark.parametrize(

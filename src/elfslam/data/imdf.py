@@ -75,8 +75,8 @@ Json = dict[str, Any]
 Archive = Mapping[str, Json]
 """What each file of an archive holds, by its name without the ending."""
 CELL_M = 0.1
-REACH_M = 0.35
-"""Ground counts as walked this far from the middle of a person."""
+REACH_M = 0.5
+"""Ground counts as walked this far from the middle of a person, who keeps 0.4 m from walls."""
 MARGIN_M = 0.5
 OF_A_LEVEL = ("level", "unit", "amenity")
 NAMESPACE = uuid.uuid5(uuid.NAMESPACE_DNS, "imdf.elfslam")
