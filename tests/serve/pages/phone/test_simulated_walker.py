@@ -76,6 +76,7 @@ def test_it_walks_is_mapped_and_somebody_else_is_found(phone: Any, server: Serve
     assert "Here, within" in phone.text("#place-status")
     assert int(phone.text("#place-heard").removesuffix(" %")) > 95
     phone.wait_for_text("#problem", "The simulated walk is over.")
+    assert page.get_attribute("#problem", "data-verdict") == "wait", "nothing went wrong"
 
 
 @pytest.fixture

@@ -136,7 +136,7 @@ async function openSimulated({ who, speed }) {
   const walked = await fetchWalk(who);
   const devices = simulatedDevices(walked, speed, storage, page.chirp, () => {
     if (loaded.recording?.isOn()) stop();
-    loaded.locating?.stopFor(t("The simulated walk is over."));
+    loaded.locating?.stopFor(t("The simulated walk is over."), "wait");
   });
   page.phone = { ...devices, measured: null, choice: null };
   return page.phone;

@@ -26,7 +26,7 @@ export function showView(id) {
   heading.focus({ preventScroll: true });
 }
 
-/** One line above everything; null takes it away. @param {string | null} said @param {"fail" | "doubt"} [verdict] */
+/** One line above everything; null takes it away. @param {string | null} said @param {"fail" | "doubt" | "wait"} [verdict] */
 export function showProblem(said, verdict = "fail") {
   at("problem").textContent = said ?? "";
   at("problem").dataset.verdict = verdict;

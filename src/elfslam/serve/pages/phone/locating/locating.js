@@ -36,7 +36,7 @@ const MOST_SPOTS = 60_000;
  * @param {{
  *   devices: () => Promise<import("../devices.js").Devices>,
  *   act: (work: () => Promise<void>) => (event?: Event) => Promise<void>,
- *   problem: (said: string | null) => void,
+ *   problem: (said: string | null, verdict?: "fail" | "wait") => void,
  *   paired: () => Promise<void>,
  * }} given devices: opened by the tap that starts locating
  */
@@ -160,12 +160,12 @@ export function makeLocating({ devices, act, problem, paired }) {
     showRunning(false);
   }
 
-  /** What ends locating from outside: a call, another app. @param {string} why */
-  function stopFor(why) {
+  /** What ends locating from outside: a call, another app. @param {string} why @param {"fail" | "wait"} [verdict] */
+  function stopFor(why, verdict = "fail") {
     if (!here.running) return;
     stop();
     tell(STOPPED);
-    problem(why);
+    problem(why, verdict);
   }
 
   function stopByHand() {
