@@ -188,13 +188,15 @@ def test_buildings_of_walks_become_one(building: Path, walk: Path, tmp_path: Pat
         "name,kind,x_m,y_m\nDesk,other,0.5,0.5\n"
     )
     more = [str(tmp_path / "third"), str(tmp_path / "alone")]
-    assert run(["merge", str(out), *more, str(tmp_path / "more")]) == 0
+    assert run(["merge", str(out), str(tmp_path / "none")]) == 2
+    assert run(["merge", more[1], str(out), more[0], str(tmp_path / "more")]) == 0
     assert read_building(tmp_path / "more").floors == told.floors
     grown = [floor_folder(tmp_path / "more", level) for level in told.levels]
     sources = [set(read_map(each).sources) for each in grown]
     assert sources[0] & sources[1] >= {"building", "second", "third"}
     assert "alone" in sources[0] ^ sources[1]
     assert [each.name for each in read_points(grown[0])] == ["Desk"]
+    assert (grown[0] / "encoder.onnx").is_file()
 
 
 def test_python_locates_in_a_run_over_several_floors(walk: Path) -> None:

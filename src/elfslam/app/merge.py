@@ -113,7 +113,8 @@ def merge_buildings_into(
         made = _grown_building(bases[0], others, parameters, announce, known_starts=known_starts)
     else:
         made = _joined_buildings(out, others, parameters, announce, known_starts=known_starts)
-    encoder = _encoder_in([floor_folder(paths[0], read_building(paths[0]).levels[0])])
+    first = [*bases, *others][0]
+    encoder = _encoder_in([floor_folder(first, read_building(first).levels[0])])
     with new_folder(out, replaces=BUILDING if overwrite else None) as partial:
         write_building(made.building, partial)
         for level, floor in made.floors.items():
@@ -175,42 +176,59 @@ def _grown_building(
     known_starts: bool,
 ) -> _MadeBuilding:
     """A merged building with the walks that join it, or with all where their starts are known."""
+    if not paths:
+        raise InputError("merge: wanted walks to add to the building, got none; name some runs")
+    made = _merged_before(base)
+    for path in paths:
+        made = _with_walk(made, path, parameters, announce, known_starts=known_starts)
+    if not made.outcome.trajectories:
+        name, why = next(iter(made.outcome.refused.items()))
+        raise NoAnswerError(f"merge: no walk could be added; {name}: {why}")
+    return made
+
+
+def _merged_before(base: Path) -> _MadeBuilding:
+    """A merged building as it lies in a folder, to which nobody was added yet."""
     building = read_building(base)
     folders = {level: floor_folder(base, level) for level in building.levels}
     floors = {level: MergedFloor(map_files.read_map(each), {}) for level, each in folders.items()}
     points = {level: read_points(each) for level, each in folders.items()}
-    sources = {name for each in floors.values() for name in each.floor_map.sources}
-    trajectories: dict[str, Trajectory] = {}
-    refused: dict[str, str] = {}
-    pairs = []
-    for path in paths:
-        walk, own = _walk_or_building(path, announce)
-        if walk.name in sources:
-            raise InputError(f"merge: {walk.name} is in the building already; leave it out")
-        maps = {level: each.floor_map for level, each in floors.items()}
-        building, joined, found, numbered = add_to_building(
-            building, maps, walk, own, parameters, known_start=known_starts
-        )
-        pairs.append(_row("building", walk.name, found))
-        if not joined:
-            refused[walk.name] = f"with the building: {found.refusal}"
-            continue
-        there = _floor_folders(path, numbered) if own else {numbered[0].level: path}
-        for level, each in joined.items():
-            before = floors.get(level, MergedFloor(each.floor_map, {}))
-            floors[level] = replace(each, trajectories=before.trajectories | each.trajectories)
-            named = _named_on([there], [walk], each, level)
-            points[level] = tuple(gathered([*points.get(level, ()), *named]))
-        sources.add(walk.name)
-        trajectories[walk.name] = walk.trajectory
-    if not trajectories:
-        raise NoAnswerError(f"merge: no walk could be added; {_first(refused)}")
-    outcome = Outcome(next(iter(floors.values())).floor_map, trajectories, pairs, refused)
+    return _MadeBuilding(
+        building, floors, points, Outcome(floors[min(floors)].floor_map, {}, [], {})
+    )
+
+
+def _with_walk(
+    made: _MadeBuilding,
+    path: Path,
+    parameters: MergeParameters,
+    announce: Announce,
+    *,
+    known_starts: bool,
+) -> _MadeBuilding:
+    """The building with a walk, or as it was with the reason."""
+    walk, own = _walk_or_building(path, announce)
+    maps = {level: each.floor_map for level, each in made.floors.items()}
+    if any(walk.name in each.sources for each in maps.values()):
+        raise InputError(f"merge: {walk.name} is in the building already; leave it out")
+    building, joined, found, numbered = add_to_building(
+        made.building, maps, walk, own, parameters, known_start=known_starts
+    )
+    before = made.outcome
+    outcome = replace(before, pairs=[*before.pairs, _row("building", walk.name, found)])
+    if not joined:
+        why = f"with the building: {found.refusal}"
+        outcome = replace(outcome, refused=before.refused | {walk.name: why})
+        return replace(made, outcome=outcome)
+    outcome = replace(outcome, trajectories=before.trajectories | {walk.name: walk.trajectory})
+    folders = _floor_folders(path, numbered) if own else {numbered[0].level: path}
+    floors, points = dict(made.floors), dict(made.points_of_interest)
+    for level, each in joined.items():
+        others = floors[level].trajectories if level in floors else {}
+        floors[level] = replace(each, trajectories=others | each.trajectories)
+        named = _named_on([folders], [walk], each, level)
+        points[level] = gathered([*points.get(level, ()), *named])
     return _MadeBuilding(building, dict(sorted(floors.items())), points, outcome)
-
-
-def _first(refused: Mapping[str, str]) -> str:
-    return next((f"{name}: {why}" for name, why in refused.items()), "name some runs")
 
 
 def _walk_or_building(
