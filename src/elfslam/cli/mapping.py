@@ -162,9 +162,8 @@ def merge_command(
     for name, why in made.refused.items():
         say(f"not merged: {name}: {why}")
     if buildings:
-        walks = len(made.trajectories)
         floors = ", ".join(f"{each.level} at {each.height_m:g} m" for each in building.floors)
-        say(f"{walks} walks joined in one building; floors {floors}, each in {out / FLOORS}")
+        say(f"{', '.join(made.trajectories)} joined; floors {floors}, each in {out / FLOORS}")
     else:
         walks = len(made.floor_map.sources)
         say(f"{walks} walks in one map; look at {out / 'report.html'}")
