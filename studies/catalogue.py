@@ -189,7 +189,8 @@ def _why_stale(name: str, kind: str | None, choice: Choice) -> str:
     if mine[0].encoder != encoder_digest():
         return f"encoder {mine[0].encoder}, now {encoder_digest()}"
     changed = changed_since(commits[0].rstrip("+"), module_of(name))
-    return f"{len(changed)} changed since {commits[0]}: {changed[0]} ..." if changed else ""
+    such = Path(changed[0]).name if changed else ""
+    return f"{len(changed)} changed since {commits[0]}, such as {such}" if changed else ""
 
 
 def _for(stale: Stale, choice: Choice) -> Choice:

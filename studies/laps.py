@@ -298,7 +298,7 @@ def _alike(asked: Places, spots: Places) -> F32:
 
 STUDY = Study(
     "How far off are fixes beside the mapped lane, by lanes, laps mapped and who asks?",
-    measure_laps, minutes=8, long=True, encoders=True,
+    measure_laps, minutes=30, long=True, encoders=True,
     fast={"worlds": ("lounge",), "mirrored": (), "lanes_m": (0.1,),
           "laps": (1, 2), "lane_seeds": (0,), "lap_seeds": (0,), "asked_laps": 2},
 )  # fmt: skip

@@ -206,6 +206,6 @@ def _most_similar(fixes: Sequence[Fixes]) -> Fixes:
 
 STUDY = Study(
     "How far off are fixes in a map of many people's walks, by laps mapped and places tapped?",
-    measure_many_mappers, minutes=240, long=True,
+    measure_many_mappers, minutes=60, long=True,
     fast={"worlds": ("studio",), "seeds": (100, 101), "counts": (1, 2), "taps": (4,)},
 )  # fmt: skip
