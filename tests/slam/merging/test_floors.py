@@ -163,5 +163,8 @@ def test_who_was_elsewhere_stays_out_unless_the_start_is_known() -> None:
     assert same is building
     assert not joined
     assert found.refusal
-    _, joined, _, _ = add_to_building(building, maps, other, floors(UP), KNOWN, known_start=True)
+    _, joined, found, _ = add_to_building(
+        building, maps, other, floors(UP), KNOWN, known_start=True
+    )
+    assert found.refusal == "", "nothing needs evidence"
     assert joined[0].floor_map.sources == ("one", "two", "other")

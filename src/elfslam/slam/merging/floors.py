@@ -13,11 +13,12 @@ from elfslam.slam.front_end import floors_walked
 from elfslam.slam.merging.forgetting import renewed
 from elfslam.slam.merging.grow import (
     aligned_onto,
+    alignment_by,
     check_map_encoder,
     laid_onto,
     map_of,
     map_of_walks,
-    met_by,
+    met,
     pair_alignment,
 )
 from elfslam.slam.merging.members import (
@@ -201,13 +202,14 @@ def add_to_building(
         for side in sides_of(each, parameters)
     ]
     possible = _numberings(building.name, building.floors, walk, own, parameters)
-    meetings = [met_by(ones, each, parameters) for each, _ in possible]
-    best = int(np.argmax([found.evidence for _, found in meetings]))
-    (numbered, there), (met, found) = possible[best], meetings[best]
+    meetings = [met(ones, each, parameters) for each, _ in possible]
+    alignments = [alignment_by(each, parameters) for each in meetings]
+    best = int(np.argmax([each.evidence for each in alignments]))
+    (numbered, there), meeting, found = possible[best], meetings[best], alignments[best]
     if known_start:
-        trajectory = laid_onto(ones, met, numbered, parameters)
+        trajectory, found = laid_onto(meeting, numbered, parameters), replace(found, refusal="")
     else:
-        trajectory, found = aligned_onto(ones, met, found, numbered, parameters)
+        trajectory, found = aligned_onto(meeting, found, numbered, parameters)
         if found.refusal:
             return building, {}, found, there
     floors = {

@@ -92,6 +92,15 @@ def merge(
     return Merged(maps, refused, pairs)
 
 
+@dataclass(frozen=True, eq=False)
+class Meeting:
+    """The walks of a map, one more, and what it has in common with them."""
+
+    ones: Sequence[Side]
+    other: Side
+    pair: WalkPair
+
+
 def add_walk(
     floor_map: FloorMap, walk: MappedWalk, parameters: MergeParameters
 ) -> tuple[FloorMap, Registration, Trajectory]:
@@ -100,9 +109,9 @@ def add_walk(
     Else the map as it was: the alignment says why. Raises InputError where the encoders differ.
     """
     check_map_encoder(floor_map, walk)
-    ones = sides_of(floor_map, parameters)
-    met, found = met_by(ones, walk, parameters)
-    trajectory, found = aligned_onto(ones, met, found, walk, parameters)
+    meeting = met(sides_of(floor_map, parameters), walk, parameters)
+    found = alignment_by(meeting, parameters)
+    trajectory, found = aligned_onto(meeting, found, walk, parameters)
     if found.refusal:
         return floor_map, found, trajectory
     return renewed(floor_map, map_of(walk, trajectory, parameters), parameters), found, trajectory
@@ -116,54 +125,52 @@ def lay_walk(
     Raises InputError where the encoders differ, NoAnswerError where the graph has no solution.
     """
     check_map_encoder(floor_map, walk)
-    ones = sides_of(floor_map, parameters)
-    trajectory = laid_onto(ones, met_by(ones, walk, parameters)[0], walk, parameters)
+    meeting = met(sides_of(floor_map, parameters), walk, parameters)
+    trajectory = laid_onto(meeting, walk, parameters)
     return renewed(floor_map, map_of(walk, trajectory, parameters), parameters), trajectory
 
 
-def met_by(
-    ones: Sequence[Side], walk: MappedWalk, parameters: MergeParameters
-) -> tuple[WalkPair, Registration]:
-    """What a walk has in common with those of a map, and how it lies to them by that."""
+def met(ones: Sequence[Side], walk: MappedWalk, parameters: MergeParameters) -> Meeting:
+    """A walk compared with those of a map."""
     other = side_of(walk, parameters)
     links = [links_between(one, other, parameters) for one in ones]
-    meeting = meeting_of(ones, other, links, parameters)
-    return meeting, align(meeting, usual_of([*ones, other]), parameters.alignment)
+    return Meeting(ones, other, meeting_of(ones, other, links, parameters))
+
+
+def alignment_by(meeting: Meeting, parameters: MergeParameters) -> Registration:
+    """How a walk lies to those of a map, by what they have in common."""
+    usual = usual_of([*meeting.ones, meeting.other])
+    return align(meeting.pair, usual, parameters.alignment)
 
 
 def aligned_onto(
-    ones: Sequence[Side],
-    met: WalkPair,
-    found: Registration,
-    walk: MappedWalk,
-    parameters: MergeParameters,
+    meeting: Meeting, found: Registration, walk: MappedWalk, parameters: MergeParameters
 ) -> tuple[Trajectory, Registration]:
-    """A walk bent onto those of a map, as `met_by` found; as it was where that is refused.
+    """A walk bent onto those of a map as it was aligned; as it was where that is refused.
 
     Bent onto them it must still be similar enough.
     """
     if found.refusal:
         return walk.trajectory, found
-    trajectory = against_map(walk, found.one_from_other, met.one, met.links, parameters)
-    bent = replace(side_of(walk, parameters), poses=middles(trajectory.world_from_body))
-    alike = similarity_to(ones, bent, parameters)
+    pair = meeting.pair
+    trajectory = against_map(walk, found.one_from_other, pair.one, pair.links, parameters)
+    bent = replace(meeting.other, poses=middles(trajectory.world_from_body))
+    alike = similarity_to(meeting.ones, bent, parameters)
     if alike < parameters.alignment.least_resemblance:
         refusal = f"bent onto it it {_too_little(alike)}"
         return walk.trajectory, replace(found, refusal=refusal)
-    return _less_sure(trajectory, ones), found
+    return _less_sure(trajectory, meeting.ones), found
 
 
-def laid_onto(
-    ones: Sequence[Side], met: WalkPair, walk: MappedWalk, parameters: MergeParameters
-) -> Trajectory:
+def laid_onto(meeting: Meeting, walk: MappedWalk, parameters: MergeParameters) -> Trajectory:
     """A walk of the frame of a map, bent onto its walks without evidence.
 
     It is tied to where it began, or to where its walker tapped on a plan, and to spots that sound
     alike. Raises NoAnswerError where the graph has no solution.
     """
-    frame = np.zeros(3)
-    bent = against_map(walk, frame, met.one, met.links, parameters, known_start=True)
-    return _less_sure(bent, ones)
+    frame, pair = np.zeros(3), meeting.pair
+    bent = against_map(walk, frame, pair.one, pair.links, parameters, known_start=True)
+    return _less_sure(bent, meeting.ones)
 
 
 def _less_sure(trajectory: Trajectory, ones: Sequence[Side]) -> Trajectory:
