@@ -46,6 +46,7 @@ class ChanceEncoder:
 
     identity = "chance-1"
     still = 1.0
+    successive = 0.0
 
     def embed(self, samples: F32) -> F32:
         """Unit vectors (n, 128) in directions drawn by the bytes of each trace."""

@@ -275,27 +275,36 @@ def test_a_file_of_another_maker_has_no_card(tmp_path: Path) -> None:
     assert feature.read_card("spectral") is None
 
 
-@pytest.mark.parametrize("over_noise_db", [0.0, 3.0, 10.0])
-def test_attenuation_gives_back_what_noise_takes_of_a_mean_feature(over_noise_db: float) -> None:
-    generator = np.random.default_rng(1)
-    clean = generator.standard_normal(400)
-    clean /= np.linalg.norm(clean)
-
-    def similarity(level_db: float) -> float:
-        noise = 10 ** (-level_db / 20) / 20 * generator.standard_normal((2, 4000, 400))
-        noisy = clean + noise
-        one, other = (noisy / np.linalg.norm(noisy, axis=2, keepdims=True)).mean(axis=1)
-        return float(one @ other) / feature.attenuation_of(level_db) ** 2
-
-    assert similarity(over_noise_db) == pytest.approx(similarity(feature.QUIET_PHONE_DB), rel=0.02)
+def heard(noise: float, seed: int) -> F32:
+    """Features of a lap of 40 places, twenty echoes at each, of which the successive ones are
+    `SUCCESSIVE` alike but for the noise of the phone."""
+    generator = np.random.default_rng(seed)
+    places = np.repeat(np.random.default_rng(1).standard_normal((40, 400)), 20, axis=0)
+    own = np.sqrt(1 / feature.SUCCESSIVE - 1) * generator.standard_normal(places.shape)
+    return unit(places + own + noise * generator.standard_normal(places.shape))
 
 
-def test_quiet_phones_and_unknown_noise_are_left_and_the_noisiest_corrected_no_further() -> None:
+@pytest.mark.parametrize("noise", [0.5, 1.0, 1.8])
+def test_attenuation_gives_back_what_noise_takes_of_a_mean_feature(noise: float) -> None:
+    def similarity(noise: float) -> float:
+        one, other = (
+            heard(noise, seed).reshape(40, 20, -1).mean(axis=1)
+            / feature.attenuation_of(heard(noise, seed), 3.0, feature.SUCCESSIVE)
+            for seed in (2, 3)
+        )
+        return float(np.mean(np.sum(one * other, axis=1)))
+
+    assert similarity(noise) == pytest.approx(similarity(0.0), rel=0.05)
+
+
+def test_quiet_phones_and_unknown_noise_are_left_and_noisy_ones_corrected_so_far() -> None:
+    def attenuation(noise: float, over_noise_db: float, successive: float = 0.45) -> float:
+        return feature.attenuation_of(heard(noise, 4), over_noise_db, successive)
+
     for quiet_db in (feature.QUIET_PHONE_DB, 40.0, np.nan):
-        assert feature.attenuation_of(quiet_db) == 1.0
-    assert (
-        feature.attenuation_of(-20.0)
-        == feature.attenuation_of(feature.NOISIEST_DB)
-        < feature.attenuation_of(0.0)
-        < 1.0
-    )
+        assert attenuation(1.8, quiet_db) == 1.0
+    assert attenuation(1.8, 3.0, successive=0.0) == 1.0, "an encoder by which it is not told"
+    assert feature.attenuation_of(heard(1.8, 4)[:1], 3.0, 0.45) == 1.0, "a single echo"
+    assert 1.0 > attenuation(1.0, 3.0) > attenuation(1.8, 3.0)
+    assert attenuation(2.6, 3.0) == pytest.approx(np.sqrt(feature.LEAST_RELIABILITY))
+    assert attenuation(9.0, 3.0) == 1.0, "nothing but noise"

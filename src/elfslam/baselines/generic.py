@@ -27,6 +27,13 @@ LOG_FLOOR = 0.02
 STILL = 0.75
 """Of spectrograms (plain, root, log) 0.7 to 1.0 are below walking, in rooms 0.1 to 0.5 standing."""
 
+SUCCESSIVE = {
+    "spectrogram without mean": 0.2,
+    "root spectrogram": 0.18,
+    "log spectrogram": 0.13,
+}
+"""The least in diffuse rooms and halls by quiet phones; those of raw samples have nothing."""
+
 Description = Callable[[F32], F32]
 """Rows (n, d) of any length that describe traces (n, 2352), each by itself."""
 
@@ -38,6 +45,7 @@ class GenericEncoder:
     identity: str
     describe: Description
     still: float = STILL
+    successive: float = 0.0
 
     def embed(self, samples: F32) -> F32:
         """Unit vectors (n, d) from aligned traces (n, 2352); silence gives zeros."""
@@ -55,7 +63,9 @@ def generic_encoders() -> Mapping[str, Encoder]:
         "log spectrogram": log_spectrogram,
     }
     return {
-        name: GenericEncoder(f"{name.replace(' ', '-')}-1", describe)
+        name: GenericEncoder(
+            f"{name.replace(' ', '-')}-1", describe, successive=SUCCESSIVE.get(name, 0.0)
+        )
         for name, describe in described.items()
     }
 

@@ -42,6 +42,9 @@ STILL_ECHOES = 5
 """An echo is compared with the one so many before it, half a second, to tell whether one stands."""
 STILL = 0.6
 """The cosine of such two ELFs above which the phone stands: walking 0.9 are below, standing 0.1."""
+SUCCESSIVE = 0.45
+"""The cosine of successive ELFs of a quiet phone that walks: 0.44 to 0.63 in diffuse rooms and
+halls."""
 STILL_WEIGHT = 0.05
 """What an echo counts where the phone stands. Not nothing: a phone may add so much of its own that
 all its echoes are alike."""
@@ -59,6 +62,12 @@ class Encoder(Protocol):
     @property
     def still(self) -> float:
         """The cosine of echoes half a second apart above which the phone stands; 1 if never."""
+        ...
+
+    @property
+    def successive(self) -> float:
+        """The least usual cosine of successive echoes of a quiet phone that walks, each less what
+        they have in common; 0 where noise is not to be told by it."""
         ...
 
     def embed(self, samples: F32) -> F32:
@@ -80,6 +89,7 @@ class SpectralEncoder:
 
     identity = "spectral-1"
     still = 1.0
+    successive = 0.1
 
     def embed(self, samples: F32) -> F32:
         """Unit vectors (n, 576)."""
@@ -99,6 +109,7 @@ class OnnxEncoder:
     """
 
     still = STILL
+    successive = SUCCESSIVE
 
     def __init__(self, content: bytes, name: str, batch_s: float = BATCH_S) -> None:
         import onnxruntime
@@ -227,26 +238,34 @@ def read_card(name: str) -> Card | None:
 def extract_features(echoes: Echoes, encoder: Encoder) -> Features:
     """The feature of every echo, less what those so far have in common."""
     vectors = walk_vectors(echoes.samples, encoder)
-    return Features(echoes.t_s, vectors, encoder.identity, attenuation_of(echoes.over_noise_db))
+    attenuation = attenuation_of(vectors, echoes.over_noise_db, encoder.successive)
+    return Features(echoes.t_s, vectors, encoder.identity, attenuation)
 
 
 QUIET_PHONE_DB = 13.0
 """Echoes over noise of the phones by which thresholds were chosen, at least."""
-NOISIEST_DB = -3.0
-"""Below, the correction stays: what is left is noise."""
+LEAST_RELIABILITY = 0.36
+"""Of mean features; corrected for less, noise passes for places."""
+NO_RELIABILITY = 0.13
+"""Below, echoes are noise: nothing gives back what they do not carry."""
 
 
-def attenuation_of(over_noise_db: float) -> float:
-    """By what share noise shortens a mean feature, against a phone that has little; 1 if unknown.
+def attenuation_of(vectors: F32, over_noise_db: float, successive: float) -> float:
+    """By what share noise shortens the mean of features (n, d), against a phone that has little.
 
-    The mean of noisy features is that without noise times the correlation of both, the root of
-    the signal's share of the power: the attenuation of Spearman (1904).
+    1 where echoes lie well over their noise, or nobody knows. The mean of noisy features is that
+    without noise times the root of their reliability: the attenuation of Spearman (1904). The
+    reliability is what two measurements of one thing have in common. Successive echoes of a walk,
+    `successive` alike where noise is little, are two such measurements: they go by all of a trace,
+    of which the late part drowns first and how soon tells the room.
     """
-    if np.isnan(over_noise_db):
+    if len(vectors) < 2 or successive <= 0 or not over_noise_db < QUIET_PHONE_DB:
         return 1.0
-    clipped_db = np.clip(over_noise_db, NOISIEST_DB, QUIET_PHONE_DB)
-    share, quiet = (1 / (1 + 10 ** (-db / 10)) for db in (clipped_db, QUIET_PHONE_DB))
-    return float(np.sqrt(share / quiet))
+    alike = float(np.median(np.sum(vectors[1:] * vectors[:-1], axis=1)))
+    reliability = min(alike / successive, 1.0)
+    if reliability < NO_RELIABILITY:
+        return 1.0
+    return float(np.sqrt(max(reliability, LEAST_RELIABILITY)))
 
 
 def walk_vectors(samples: F32, encoder: Encoder) -> F32:

@@ -55,7 +55,9 @@ def _exports() -> list[str]:
         "MEAN_NORMALISATION": _named(
             feature, "PRIOR_FRAMES", "STILL_ECHOES", "STILL", "STILL_WEIGHT"
         ),
-        "ATTENUATION": _named(feature, "QUIET_PHONE_DB", "NOISIEST_DB"),
+        "ATTENUATION": _named(
+            feature, "QUIET_PHONE_DB", "SUCCESSIVE", "LEAST_RELIABILITY", "NO_RELIABILITY"
+        ),
         "SPOOFING": _named(spoofing, "PARTS", "SHARPENED", "RECENT", "HISS", "CALM"),
         "MOTION": {**_named(live, "REST_KEPT"), **_named(reckoning, "STEPS_AROUND")},
     }

@@ -51,6 +51,21 @@ test("a second lap closes loops and pulls the map straight", () => {
   assert.ok(apartM(poses, 20, 60) < 0.2, `apart by ${apartM(poses, 20, 60)}`);
 });
 
+test("a second lap by a noisy phone closes loops by what its successive echoes have in common", () => {
+  const faint = placesOn(LAP).map((vector) => vector.map((each) => 0.5 * each));
+  const alike = [0.25 * 0.45];
+  const loopsAt = (echoDb) => {
+    const sketch = makeSketch(CLOSURE, echoDb);
+    for (let k = 0; k < 2 * LAP; k += 1)
+      sketch.step({ fromS: k / 2, tS: (k + 1) / 2, moveM: [SIDE_M / 10, 0, k % 10 === 9 ? Math.PI / 2 : 0], sigma: SIGMA },
+        faint[k % LAP], alike);
+    return sketch.now().loops.length;
+  };
+  assert.equal(loopsAt(20), 0, "of a quiet phone this is another place");
+  assert.equal(loopsAt(null), 0);
+  assert.ok(loopsAt(5) > 3);
+});
+
 test("a place that is marked again closes a loop by hand", () => {
   const sketch = makeSketch(CLOSURE);
   const silent = Array(LAP).fill(null);
@@ -108,7 +123,7 @@ test("a walk is confirmed around the ends of its loops", () => {
 test("footsteps are drawn once they are over, with what was heard between them", () => {
   const [step] = [{ fromS: 0.5, tS: 1, moveM: [0.7, 0, 0], sigma: SIGMA }];
   const asked = [];
-  const memory = { mean: (...span) => asked.push(span) && null, forget: (tS) => asked.push(tS) };
+  const memory = { mean: (...span) => asked.push(span) && null, alike: () => [], forget: (tS) => asked.push(tS) };
   const waiting = [step];
   const { decide } = drawBySteps({ sketch: makeSketch(CLOSURE), memory, footsteps: { take: () => waiting.splice(0) } });
   assert.deepEqual(decide(0.9), [], "not over yet");

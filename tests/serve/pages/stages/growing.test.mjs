@@ -5,7 +5,7 @@ import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
 import {
-  amidNoise, makeClosureSearch, makeGrowingGraph, solved, unrivalled,
+  amidNoise, makeAttenuation, makeClosureSearch, makeGrowingGraph, solved, unrivalled,
 } from "../../../../src/elfslam/serve/pages/phone/growing/sketch.js";
 import { assertNear } from "./vectors.mjs";
 
@@ -61,8 +61,8 @@ test("what is solved for fulfils its equations", () => {
 });
 
 test("what sounds alike is found as the line finds it, again and back", () => {
-  const search = makeClosureSearch(parameters);
-  const found = means.map((mean) => search(Float32Array.from(mean))).flat();
+  const search = makeClosureSearch();
+  const found = means.map((mean) => search(Float32Array.from(mean), parameters)).flat();
   const key = ({ i, j, isBack }) => `${i} ${j} ${isBack}`;
   const wanted = new Map(candidates.map((each) => [key(each), each]));
   const whole = found.filter((each) => each.j < means.length - 2 * parameters.half_sequence);
@@ -87,10 +87,19 @@ test("of two places that sound alike neither is offered, and of one place the be
   assertNear(unrivalled([{ ...one, isBack: true }], poses, parameters).iFromJ, [0.35, 0, Math.PI], 1e-9, "back");
 });
 
-test("amid noise less similarity is wanted, by as much as noise takes of it", () => {
-  assert.deepEqual(amidNoise(parameters, null), parameters);
-  for (const [echoDb, left] of Object.entries(attenuated)) {
-    const { threshold, rival_margin: rival } = amidNoise(parameters, Number(echoDb));
-    assertNear([threshold, rival], [left * parameters.threshold, left * parameters.rival_margin], 1e-4, echoDb);
+test("what noise takes of mean features is told by their successive echoes as the line tells it", () => {
+  for (const { echoDb, alike, attenuation } of attenuated) {
+    const told = makeAttenuation(echoDb);
+    assertNear([told(alike.slice(0, 30)) && told(alike.slice(30))], [attenuation], 1e-6, echoDb);
   }
+  const kinds = new Set(attenuated.map(({ attenuation }) => attenuation.toFixed(3)));
+  assert.ok(kinds.size > 4, `${[...kinds]}`);
+  assert.equal(makeAttenuation(null)([0.1, 0.1]), 1);
+  assert.equal(makeAttenuation(3)([]), 1);
+});
+
+test("amid noise less similarity is wanted, by what noise takes of both", () => {
+  assert.deepEqual(amidNoise(parameters, 1), parameters);
+  const { threshold, rival_margin: rival } = amidNoise(parameters, 0.7);
+  assertNear([threshold, rival], [0.49 * parameters.threshold, 0.49 * parameters.rival_margin], 1e-9, "left");
 });

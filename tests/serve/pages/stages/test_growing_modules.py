@@ -1,6 +1,7 @@
 """Graphs, closures, floors and ways of the page in node: those of the pipeline in Python."""
 
 from dataclasses import asdict, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from elfslam.base.geometry import compose
 from elfslam.base.values import Closures, LevelPassage, MeanSimilarity, Odometry
 from elfslam.slam.floor_location import floors_by_vote
 from elfslam.stages.closure import BACK, ClosureParameters, candidates
-from elfslam.stages.feature import attenuation_of
+from elfslam.stages.feature import SUCCESSIVE, attenuation_of
 from elfslam.stages.graph import GraphParameters, build_graph, optimise
 from elfslam.stages.levels import LevelParameters
 from elfslam.stages.ways import LevelPosition, Route, way, way_graph
@@ -81,6 +82,17 @@ SIGNAL_TOO_DB = {0.5: 9.635, 3.0: 3.021, 10.0: 0.458, 30.0: 0.004}
 """Echoes and noise over noise (dB), as the phone's check measures, are so much more than echoes."""
 
 
+def attenuated(db: float, noise: float, seed: int) -> dict[str, Any]:
+    """Cosines of successive echoes of a walk amid noise, and what Python makes of them."""
+    generator = np.random.default_rng(seed)
+    places = np.repeat(generator.normal(0, 1, (20, 32)), 4, axis=0)
+    noisy = places + noise * generator.normal(0, 1, places.shape)
+    vectors = np.float32(noisy / np.linalg.norm(noisy, axis=1)[:, None])
+    alike = np.sum(vectors[1:] * vectors[:-1], axis=1)
+    attenuation = attenuation_of(vectors, db - SIGNAL_TOO_DB[db], SUCCESSIVE)
+    return {"echoDb": db, "alike": alike.tolist(), "attenuation": attenuation}
+
+
 def closure_vectors() -> dict[str, Any]:
     """Two laps and one walked back, and the candidates that the line finds in them."""
     means = heard_on([(0, 60), (0, 60), (60, 0)], 3)
@@ -88,9 +100,10 @@ def closure_vectors() -> dict[str, Any]:
     found = candidates(MeanSimilarity(means, kind="planted"), parameters)
     return {
         "means": means.tolist(),
-        "attenuated": {
-            str(db): attenuation_of(db - SIGNAL_TOO_DB[db]) ** 2 for db in SIGNAL_TOO_DB
-        },
+        "attenuated": [
+            attenuated(db, noise, seed)
+            for seed, (db, noise) in enumerate(product(SIGNAL_TOO_DB, (0.5, 1.5, 2.2, 6.0)))
+        ],
         "parameters": asdict(parameters),
         "candidates": [
             {"i": int(i), "j": int(j), "score": float(score), "isBack": bool(way == BACK)}

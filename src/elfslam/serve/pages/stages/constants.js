@@ -108,7 +108,9 @@ export const MEAN_NORMALISATION = {
 
 export const ATTENUATION = {
   QUIET_PHONE_DB: 13,
-  NOISIEST_DB: -3,
+  SUCCESSIVE: 0.45,
+  LEAST_RELIABILITY: 0.36,
+  NO_RELIABILITY: 0.13,
 };
 
 export const SPOOFING = {

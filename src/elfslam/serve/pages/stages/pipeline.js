@@ -175,9 +175,10 @@ export function delayMotion(footsteps, latenessS) {
  *   add: (tS: number[], vectors: Float32Array) => void,
  *   count: (fromS: number, toS: number) => number,
  *   mean: (fromS: number, toS: number) => Float32Array | null,
+ *   alike: (fromS: number, toS: number) => number[],
  *   forget: (beforeS: number) => void,
  *   firstS: () => number | null,
- * }} times are those of direct arrivals; from the first to before the second
+ * }} times are those of direct arrivals; from the first to before the second; alike: cosines of successive echoes
  */
 export function makeMemory(fewest) {
   /** @type {{tS: number, vector: Float32Array}[]} */
@@ -195,6 +196,10 @@ export function makeMemory(fewest) {
       const together = new Float32Array(found.length * ELF_SIZE);
       found.forEach(({ vector }, k) => together.set(vector, k * ELF_SIZE));
       return meanOf(together, 0, found.length);
+    },
+    alike(fromS, toS) {
+      const found = between(fromS, toS);
+      return found.slice(1).map(({ vector }, k) => vector.reduce((sum, each, d) => sum + each * found[k].vector[d], 0));
     },
     forget(beforeS) {
       rows = rows.filter(({ tS }) => tS >= beforeS);

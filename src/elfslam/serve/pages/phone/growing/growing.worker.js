@@ -4,7 +4,7 @@
  */
 
 import { openEncoder } from "../../stages/encoder.js";
-import { drawBySteps, makeSketch, amidNoise } from "./sketch.js";
+import { drawBySteps, makeSketch } from "./sketch.js";
 import { openPipeline } from "../../stages/pipeline.js";
 
 /** @type {ReturnType<typeof makeSketch> | null} */
@@ -39,7 +39,7 @@ self.onmessage = ({ data }) => {
 async function segment({ rateHz, parameters, encoderBytes, source, echoDb }) {
   try {
     encoder ??= openEncoder(encoderBytes, {});
-    sketch ? sketch.gap() : (sketch = makeSketch(amidNoise(parameters.closure, echoDb)));
+    sketch ? sketch.gap() : (sketch = makeSketch(parameters.closure, echoDb));
     const drawn = sketch;
     const opened = openPipeline({
       rateHz, parameters, listener: await encoder, onFix: tellSketch,

@@ -30,10 +30,14 @@ const WORTH = 12;
  * @typedef {import("../../stages/motion/filters.js").Step} Step
  */
 
-/** @param {ClosureParameters} closure parameters */
-export function makeSketch(closure) {
+/**
+ * @param {ClosureParameters} closure parameters
+ * @param {number | null} [echoDb] echoes and noise over noise, where it was measured
+ */
+export function makeSketch(closure, echoDb = null) {
   const graph = makeGrowingGraph();
-  const search = makeClosureSearch(closure);
+  const search = makeClosureSearch();
+  const attenuation = makeAttenuation(echoDb);
   /** @type {Mark[]} */
   let marks = [];
   /** @type {{name: string, tS: number}[]} */
@@ -49,9 +53,10 @@ export function makeSketch(closure) {
     if (graph.closures().length < MOST_CLOSURES && graph.offer(found)) last = found.j;
   };
 
-  /** @param {Float32Array | null} mean what was heard from the footstep before to this one */
-  const listen = (mean) => {
-    const found = unrivalled(search(mean), graph.poses(), closure);
+  /** @param {Float32Array | null} mean what was heard from the footstep before to this one @param {number[]} alike */
+  const listen = (mean, alike) => {
+    const wanted = amidNoise(closure, attenuation(alike));
+    const found = unrivalled(search(mean, wanted), graph.poses(), wanted);
     const apart = APART * 2 ** Math.floor(graph.closures().length / TWICE_AS_FAR_EVERY);
     if (found && found.j - last >= apart) close(found);
   };
@@ -63,11 +68,11 @@ export function makeSketch(closure) {
     if (known && count > known.at) graph.offer({ i: known.at, j: count, iFromJ: [0, 0, 0], sigma: MARK_SIGMA });
   };
 
-  /** @param {Step} step @param {Float32Array | null} mean */
-  const step = ({ tS, moveM, sigma }, mean) => {
+  /** @param {Step} step @param {Float32Array | null} mean @param {number[]} [alike] cosines of its successive echoes */
+  const step = ({ tS, moveM, sigma }, mean, alike = []) => {
     graph.step({ moveM, sigma });
     count += 1;
-    listen(mean);
+    listen(mean, alike);
     waiting.filter((each) => each.tS <= tS).forEach(({ name }) => mark(name));
     waiting = waiting.filter((each) => each.tS > tS);
   };
@@ -77,7 +82,7 @@ export function makeSketch(closure) {
     if (count === 0) return;
     graph.step(UNKNOWN);
     count += 1;
-    search(null);
+    search(null, closure);
     gaps.push(count);
   };
 
@@ -129,7 +134,7 @@ export function drawBySteps({ sketch, memory, footsteps }) {
     decide(untilS) {
       const steps = ready(untilS);
       for (const step of steps) {
-        sketch.step(step, memory.mean(step.fromS, step.tS));
+        sketch.step(step, memory.mean(step.fromS, step.tS), memory.alike(step.fromS, step.tS));
         memory.forget(step.tS);
       }
       return steps.length > 0 ? [sketch.now()] : [];
@@ -332,30 +337,53 @@ const BACK = -1;
  */
 
 /**
- * What counts as similar amid noise, which shortens mean features: elfslam.stages.feature.attenuation_of, squared, as
- * two of them are multiplied.
- * @param {ClosureParameters} parameters @param {number | null} echoDb echoes and noise over noise, where it was measured
+ * By what share noise has shortened mean features so far: elfslam.stages.feature.attenuation_of, of the cosines of
+ * successive echoes that have come.
+ * @param {number | null} echoDb echoes and noise over noise, where it was measured
+ * @returns {(alike: number[]) => number} takes the latest of those cosines
+ */
+export function makeAttenuation(echoDb) {
+  const { QUIET_PHONE_DB, SUCCESSIVE, NO_RELIABILITY, LEAST_RELIABILITY } = ATTENUATION;
+  const isNoisy = echoDb !== null && 10 ** (echoDb / 10) - 1 < 10 ** (QUIET_PHONE_DB / 10);
+  /** In order. @type {number[]} */
+  const known = [];
+  return (alike) => {
+    for (const cosine of isNoisy ? alike : []) known.splice(orderOf(cosine, known), 0, cosine);
+    if (known.length === 0) return 1;
+    const middle = (known[(known.length - 1) >> 1] + known[known.length >> 1]) / 2;
+    const reliability = Math.min(middle / SUCCESSIVE, 1);
+    return reliability < NO_RELIABILITY ? 1 : Math.sqrt(Math.max(reliability, LEAST_RELIABILITY));
+  };
+}
+
+/** How many of those in order are smaller. @param {number} value @param {number[]} ordered */
+function orderOf(value, ordered) {
+  let [low, high] = [0, ordered.length];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (ordered[middle] < value) low = middle + 1;
+    else high = middle;
+  }
+  return low;
+}
+
+/**
+ * What counts as similar where noise has shortened mean features: two of them are multiplied.
+ * @param {ClosureParameters} parameters @param {number} attenuation
  * @returns {ClosureParameters}
  */
-export function amidNoise(parameters, echoDb) {
-  if (echoDb === null) return parameters;
-  const { QUIET_PHONE_DB: quietDb, NOISIEST_DB: noisiestDb } = ATTENUATION;
-  const overNoiseDb = 10 * Math.log10(Math.max(10 ** (echoDb / 10) - 1, 1e-3));
-  /** @param {number} level @returns {number} the signal's part of the power */
-  const share = (level) => 1 / (1 + 10 ** (-level / 10));
-  const left = share(Math.min(Math.max(overNoiseDb, noisiestDb), quietDb)) / share(quietDb);
+export function amidNoise(parameters, attenuation) {
   const { threshold, back_margin: back, rival_margin: rival } = parameters;
+  const left = attenuation ** 2;
   return { ...parameters, threshold: left * threshold, back_margin: left * back, rival_margin: left * rival };
 }
 
 /**
- * @param {ClosureParameters} parameters
- * @returns {(mean: Float32Array | null) => Found[]} takes what was heard from a footstep to the next (unit vectors
- *   averaged; null where it was silent) and gives the earlier footsteps that sound like the one half a sequence ago,
- *   the most alike first
+ * @returns {(mean: Float32Array | null, parameters: ClosureParameters) => Found[]} takes what was heard from a footstep
+ *   to the next (unit vectors averaged; null where it was silent) and gives the earlier footsteps that sound like the
+ *   one half a sequence ago, the most alike first
  */
-export function makeClosureSearch(parameters) {
-  const { half_sequence: half, near_footsteps: near } = parameters;
+export function makeClosureSearch() {
   /** @type {(Float32Array | null)[]} */
   const means = [];
   /** Of each footstep with all before it, and with itself. @type {Float32Array[]} */
@@ -379,9 +407,9 @@ export function makeClosureSearch(parameters) {
     return sum / count;
   };
 
-  /** @param {number} j @param {number} way @returns {Found[]} */
-  const ridges = (j, way) => {
-    const { ridge_footsteps: ridge, half_peak: peak } = parameters;
+  /** @param {number} j @param {number} way @param {ClosureParameters} parameters @returns {Found[]} */
+  const ridges = (j, way, parameters) => {
+    const { half_sequence: half, near_footsteps: near, ridge_footsteps: ridge, half_peak: peak } = parameters;
     const least = parameters.threshold + (way === BACK ? parameters.back_margin : 0);
     const row = Array.from({ length: j - near + 1 + ridge }, (_, i) => averaged(j, i, half, way));
     /** @param {number} i */
@@ -395,12 +423,13 @@ export function makeClosureSearch(parameters) {
     return found;
   };
 
-  return (mean) => {
+  return (mean, parameters) => {
+    const { half_sequence: half, near_footsteps: near } = parameters;
     means.push(mean);
     alike.push(Float32Array.from(means, (other) => (mean && other ? dot(mean, other) : 0)));
     const j = means.length - 1 - half;
     if (j - near < half) return [];
-    return [...ridges(j, AGAIN), ...ridges(j, BACK)].sort((one, other) => other.score - one.score);
+    return [...ridges(j, AGAIN, parameters), ...ridges(j, BACK, parameters)].sort((one, other) => other.score - one.score);
   };
 }
 
