@@ -26,6 +26,7 @@ class Deaf:
 
     identity: str = "deaf"
     still: float = 1.0
+    successive: float = 0.0
 
     def embed(self, samples: F32) -> F32:
         return np.tile(np.eye(1, 4, dtype=np.float32), (len(samples), 1))
