@@ -3,14 +3,16 @@
 import dataclasses
 import subprocess
 import sys
+from functools import reduce
 from pathlib import Path
 
 import gtsam
 import numpy as np
 import numpy.testing as npt
 import pytest
+from scipy.stats import chi2
 
-from elfslam.base.arrays import F64, I64
+from elfslam.base.arrays import F64, I64, Bool
 from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.base.geometry import between, chain, compose, wrap_angle
 from elfslam.base.values import NO_CLOSURES, Closures, Odometry, PoseGraph, Trajectory
@@ -267,6 +269,7 @@ def test_clusters_that_can_be_true_are_accepted_together(monkeypatch: pytest.Mon
     i = np.concatenate([np.arange(4) + k for k in range(0, len(truth) - LAP - 4, 20)])
     found, rounds = closures(i, i + LAP, np.zeros((len(i), 3))), []
     settled = solving._settled
+    monkeypatch.setattr(solving, "MOST_RUNS", 0)  # each run left out is a solution of its own
     monkeypatch.setattr(solving, "_settled", lambda *all_: rounds.append(1) or settled(*all_))
     moves = square_moves(30) + np.random.default_rng(0).normal(0, SIGMA, (30 * LAP, 3))
     poses, sigma = chain(truth[0], moves), np.tile(SIGMA, (30 * LAP, 1))
@@ -274,6 +277,59 @@ def test_clusters_that_can_be_true_are_accepted_together(monkeypatch: pytest.Mon
     solved = solve(nodes, found, ROBUST)
     assert (solved.closure_weights > 0.5).all()
     assert len(rounds) < 10 < len(i) / 4
+
+
+def stretch(i: int, j: int, count: int) -> Closures:
+    """Footsteps from i on are where those from j on are."""
+    k = np.arange(count)
+    return closures(i + k, j + k, np.zeros((count, 3)))
+
+
+@pytest.fixture(scope="module")
+def four_laps() -> Odometry:
+    moves = square_moves(4)
+    noisy = moves + np.random.default_rng(2).normal(0, SIGMA / 2, moves.shape)
+    return Odometry(0.5 * np.arange(4 * LAP + 1), chain(np.zeros(3), noisy), SIGMA + 0 * moves)
+
+
+LAPS = reduce(joined, (stretch(2 + k * LAP, 2 + (k + 1) * LAP, 12) for k in range(3)))
+"""Each lap of four begins as the one before."""
+
+
+def test_false_runs_that_support_each_other_are_left_out_together(four_laps: Odometry) -> None:
+    """Each lap is said to be three steps ahead of the one before, on another side of the square."""
+    ahead = [stretch(26 + k * LAP, 29 + (k + 1) * LAP, 4) for k in range(3)]
+    found = joined(LAPS, reduce(joined, [*ahead, stretch(26, 32 + 2 * LAP, 4)]))
+    graph = build_graph(four_laps, found)
+    measured = solving.edges_of(graph, graph.is_closure)
+    every, by_hand = np.ones(len(found.i), dtype=bool), np.zeros(len(found.i), dtype=bool)
+    limit = float(chi2.ppf(ROBUST.inlier_probability, 3))
+
+    bent, _ = solving._settled(graph, every, graph.initial, graph.edges[:0], ROBUST)
+    _, believed = solving._revised(graph, measured, every, by_hand, bent, limit, ROBUST)
+    assert believed.all(), "no closure fits badly"
+
+    poses, left = bent, every
+    while relieved := solving._relieved(graph, left, by_hand, poses, ROBUST):
+        poses, left = relieved
+    assert left[: len(LAPS.i)].all()
+    assert left[len(LAPS.i) :].sum() <= 4, "a single run is no more than chance allows"
+    truth = chain(np.zeros(3), square_moves(4))
+    assert position_error_m(poses, truth) < 0.5 * position_error_m(bent, truth)
+
+
+def test_what_is_true_made_by_hand_or_most_of_all_is_not_left_out(four_laps: Odometry) -> None:
+    def left(found: Closures, by_hand: bool = False) -> tuple[F64, Bool] | None:
+        graph = build_graph(four_laps, found)
+        every = np.ones(len(found.i), dtype=bool)
+        hand = np.arange(len(every)) >= len(LAPS.i) if by_hand else ~every
+        return solving._relieved(graph, every, hand, graph.initial, ROBUST)
+
+    false = stretch(26, 34 + LAP, 4)
+    assert left(LAPS) is None
+    assert left(joined(LAPS, false)) is not None
+    assert left(joined(LAPS, false), by_hand=True) is None
+    assert left(joined(stretch(2, 2 + LAP, 4), stretch(26, 30 + LAP, 4))) is None, "half of all"
 
 
 def test_when_every_closure_is_rejected_the_status_says_so(truth: F64) -> None:

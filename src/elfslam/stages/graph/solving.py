@@ -66,6 +66,13 @@ if TYPE_CHECKING:
 
 LAST_ROUNDS = 20
 """Believing and doubting single closures in turn ends by itself after a few."""
+MOST_OF_ALL = 0.2
+"""Of all closures; a run of more is not doubted."""
+MOST_RUNS = 100
+"""Where runs are more, leaving out each takes too long, and those that are true prevail."""
+MOST_LEFT_OUT = 6
+MOST_ASKED = 12
+"""Runs asked again once the first is left out."""
 
 
 def choose_closures(
@@ -101,7 +108,15 @@ def choose_closures(
         taken = likely | np.isin(runs.middle[waiting], agreed)
         kept |= np.isin(runs.run, waiting[taken])
         waiting, batch = waiting[~taken], 2 * len(agreed)
-    return _revised(graph, closures, kept, by_hand, poses, limit, parameters)
+    poses, kept = _revised(graph, closures, kept, by_hand, poses, limit, parameters)
+    for _ in range(LAST_ROUNDS):
+        relieved = _relieved(graph, kept, by_hand, poses, parameters)
+        if relieved is None:
+            break
+        poses, kept = _revised(
+            graph, closures, relieved[1], by_hand, relieved[0], limit, parameters
+        )
+    return poses, kept
 
 
 def _jointly_consistent(
@@ -210,6 +225,56 @@ def _revised(
             break
         kept = wanted
     return poses, kept
+
+
+def _relieved(
+    graph: PoseGraph, kept: Bool, by_hand: Bool, poses: F64, parameters: GraphParameters
+) -> tuple[F64, Bool] | None:
+    """Backward elimination: poses and mask (k) without the runs that bend the walk; None if none.
+
+    False runs that support each other fit once they have bent the walk together, and no residual
+    tells them. Without them the cost falls by more than chance allows. The run without which it
+    falls most is left out first; what was made by hand and runs of many closures stay.
+    """
+    chosen = np.flatnonzero(kept)
+    closures = edges_of(edges_of(graph, graph.is_closure), chosen)
+    limit = float(chi2.ppf(parameters.inlier_probability, 3))
+    runs = find_runs(chain_of(graph), forward(closures), parameters.run_reach, limit)
+    doubted = runs.size <= MOST_OF_ALL * len(chosen)
+    doubted[runs.run[by_hand[chosen]]] = False
+    asked = np.flatnonzero(doubted)
+    if not 0 < len(runs.size) <= MOST_RUNS:
+        return None
+    poses, equations = _settled(graph, kept, poses, graph.edges[:0], parameters)
+    most, best, left = 1.0, None, kept
+    for _ in range(MOST_LEFT_OUT):
+        trials = [
+            _left_out(graph, left, chosen[runs.run == run], poses, parameters) for run in asked
+        ]
+        gains = [
+            2
+            * (equations.cost - cost)
+            / chi2.ppf(parameters.inlier_probability, 3 * np.sum(kept & ~mask))
+            for _, mask, cost in trials
+        ]
+        if not gains:
+            break
+        order = np.argsort(gains)[::-1]
+        poses, left, _ = trials[order[0]]
+        if gains[order[0]] > most:
+            most, best = gains[order[0]], (poses, left)
+        asked = asked[order[1:MOST_ASKED]]
+    return best
+
+
+def _left_out(
+    graph: PoseGraph, kept: Bool, run: I64, poses: F64, parameters: GraphParameters
+) -> tuple[F64, Bool, float]:
+    """Poses, the mask (k) and the cost without the closures of a run."""
+    left = kept.copy()
+    left[run] = False
+    poses, equations = _settled(graph, left, poses, graph.edges[:0], parameters)
+    return poses, left, equations.cost
 
 
 def _settled(
