@@ -243,26 +243,22 @@ def _relieved(
     doubted = runs.size <= MOST_OF_ALL * len(chosen)
     doubted[runs.run[by_hand[chosen]]] = False
     asked = np.flatnonzero(doubted)
-    if not 0 < len(runs.size) <= MOST_RUNS:
+    if not 0 < len(asked) <= len(runs.size) <= MOST_RUNS:
         return None
     poses, equations = _settled(graph, kept, poses, graph.edges[:0], parameters)
+    chance = (1 - parameters.inlier_probability) / len(asked)  # Bonferroni
     most, best, left = 1.0, None, kept
-    for _ in range(MOST_LEFT_OUT):
+    for _ in range(min(MOST_LEFT_OUT, len(asked))):
         trials = [
             _left_out(graph, left, chosen[runs.run == run], poses, parameters) for run in asked
         ]
-        gains = [
-            2
-            * (equations.cost - cost)
-            / chi2.ppf(parameters.inlier_probability, 3 * np.sum(kept & ~mask))
-            for _, mask, cost in trials
-        ]
-        if not gains:
-            break
-        order = np.argsort(gains)[::-1]
+        cost = np.array([each[2] for each in trials])
+        limits = [chi2.isf(chance, 3 * np.sum(kept & ~each[1])) for each in trials]
+        relief = 2 * (equations.cost - cost) / limits
+        order = np.argsort(relief)[::-1]
         poses, left, _ = trials[order[0]]
-        if gains[order[0]] > most:
-            most, best = gains[order[0]], (poses, left)
+        if relief[order[0]] > most:
+            most, best = relief[order[0]], (poses, left)
         asked = asked[order[1:MOST_ASKED]]
     return best
 
