@@ -68,8 +68,10 @@ LAST_ROUNDS = 20
 """Believing and doubting single closures in turn ends by itself after a few."""
 MOST_OF_ALL = 0.2
 """Of all closures; a run of more is not doubted."""
-MOST_RUNS = 100
+MOST_RUNS = 64
 """Where runs are more, leaving out each takes too long, and those that are true prevail."""
+LEAST_RELIEF = 0.1
+"""Of what chance allows, by the first run left out; others are not asked for if it brings less."""
 MOST_LEFT_OUT = 6
 MOST_ASKED = 12
 """Runs asked again once the first is left out."""
@@ -257,6 +259,8 @@ def _relieved(
         relief = 2 * (equations.cost - cost) / limits
         order = np.argsort(relief)[::-1]
         poses, left, _ = trials[order[0]]
+        if relief[order[0]] < LEAST_RELIEF:
+            break
         if relief[order[0]] > most:
             most, best = relief[order[0]], (poses, left)
         asked = asked[order[1:MOST_ASKED]]
