@@ -30,6 +30,11 @@ def encoders() -> dict[str, Encoder]:
     return {**generic_encoders(), "principal components": principal_encoder(traces(60, 9))}
 
 
+def test_spectrograms_alone_tell_noise_by_successive_echoes(encoders: dict[str, Encoder]) -> None:
+    told = {name for name, encoder in encoders.items() if encoder.successive > 0}
+    assert told == {"spectrogram without mean", "root spectrogram", "log spectrogram"}
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_rows_are_unit_and_differ(encoders: dict[str, Encoder], name: str) -> None:
     rows = encoders[name].embed(traces(20))

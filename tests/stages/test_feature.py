@@ -1,6 +1,7 @@
 """Features: the spectrogram against a naive one, and encoders that work row by row."""
 
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -295,6 +296,17 @@ def test_attenuation_gives_back_what_noise_takes_of_a_mean_feature(noise: float)
         return float(np.mean(np.sum(one * other, axis=1)))
 
     assert similarity(noise) == pytest.approx(similarity(0.0), rel=0.05)
+
+
+def test_features_of_a_noisy_phone_say_what_noise_took_by_their_own_encoder() -> None:
+    """The same echoes of one place amid noise, of a phone near its noise and of a quiet one."""
+    rows = traces(1) + np.abs(traces(1)).mean() * traces(60, seed=3) / np.abs(traces(60)).mean()
+    noisy = Echoes(np.arange(60.0), rows, np.zeros((0, 2)), over_noise_db=3.0)
+    features = feature.extract_features(noisy, SpectralEncoder())
+    wanted = feature.attenuation_of(features.vectors, 3.0, SpectralEncoder.successive)
+    assert features.attenuation == wanted < 1.0
+    quiet = replace(noisy, over_noise_db=20.0)
+    assert feature.extract_features(quiet, SpectralEncoder()).attenuation == 1.0
 
 
 def test_quiet_phones_and_unknown_noise_are_left_and_noisy_ones_corrected_so_far() -> None:

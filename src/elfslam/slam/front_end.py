@@ -117,8 +117,8 @@ def extract_echoes(recording: Recording, parameters: Parameters) -> Echoes:
 
 
 LEAST_OVER_NOISE_DB = -3.0
-"""Among strong mirrors a phone up to here maps as well as a quiet one, by the correction of its
-mean features (`stages/feature.py: attenuation_of`); in diffuse rooms it does not."""
+"""Below, few phones close any loop, whatever their mean features are corrected by
+(`stages/feature.py: attenuation_of`)."""
 
 
 def too_noisy(echoes: Echoes) -> str | None:

@@ -253,11 +253,12 @@ NO_RELIABILITY = 0.13
 def attenuation_of(vectors: F32, over_noise_db: float, successive: float) -> float:
     """By what share noise shortens the mean of features (n, d), against a phone that has little.
 
-    1 where echoes lie well over their noise, or nobody knows. The mean of noisy features is that
-    without noise times the root of their reliability: the attenuation of Spearman (1904). The
-    reliability is what two measurements of one thing have in common. Successive echoes of a walk,
-    `successive` alike where noise is little, are two such measurements: they go by all of a trace,
-    of which the late part drowns first and how soon tells the room.
+    It is 1 where echoes lie well over their noise, or where `over_noise_db` is unknown (NaN). The
+    mean of noisy features is that without noise times the root of their reliability: the
+    attenuation of Spearman (1904). Reliability is the correlation of two measurements of one
+    thing. Two successive echoes are such measurements, and their cosine without much noise is
+    `successive`. The level of the noise alone does not tell it: late echoes drown first, and how
+    soon depends on the room.
     """
     if len(vectors) < 2 or successive <= 0 or not over_noise_db < QUIET_PHONE_DB:
         return 1.0

@@ -332,6 +332,16 @@ def test_what_is_true_made_by_hand_or_most_of_all_is_not_left_out(four_laps: Odo
     assert left(joined(stretch(2, 2 + LAP, 4), stretch(26, 30 + LAP, 4))) is None, "half of all"
 
 
+def test_of_too_many_runs_none_is_left_out(
+    four_laps: Odometry, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each takes a solution of its own."""
+    monkeypatch.setattr(solving, "MOST_RUNS", 1)
+    graph = build_graph(four_laps, joined(LAPS, stretch(26, 34 + LAP, 4)))
+    every = np.ones(int(graph.is_closure.sum()), dtype=bool)
+    assert solving._relieved(graph, every, ~every, graph.initial, ROBUST) is None
+
+
 def test_when_every_closure_is_rejected_the_status_says_so(truth: F64) -> None:
     nodes = drifting(truth)
     solved = solve(nodes, closures([2], [20], np.array([[0.0, 30.0, 0.0]])), ROBUST)

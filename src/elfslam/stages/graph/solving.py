@@ -73,6 +73,7 @@ MOST_RUNS = 64
 LEAST_RELIEF = 0.1
 """Of what chance allows, by the first run left out; others are not asked for if it brings less."""
 MOST_LEFT_OUT = 6
+"""Runs left out together."""
 MOST_ASKED = 12
 """Runs asked again once the first is left out."""
 
@@ -234,9 +235,10 @@ def _relieved(
 ) -> tuple[F64, Bool] | None:
     """Backward elimination: poses and mask (k) without the runs that bend the walk; None if none.
 
-    False runs that support each other fit once they have bent the walk together, and no residual
-    tells them. Without them the cost falls by more than chance allows. The run without which it
-    falls most is left out first; what was made by hand and runs of many closures stay.
+    Runs are consistency clusters. False ones that support each other fit once they have bent the
+    walk together, and no residual tells them; but without them the cost falls by more than chance
+    allows. The run without which it falls most is left out first, then the next. What was made by
+    hand and runs of many closures stay.
     """
     chosen = np.flatnonzero(kept)
     closures = edges_of(edges_of(graph, graph.is_closure), chosen)
