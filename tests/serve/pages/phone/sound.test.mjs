@@ -153,6 +153,10 @@ for (const echoDb of [10, 30]) {
     const due = { first: 8900, period: 4800, count: 10 };
     const off = measure(heard, rateHz, chirp, due, [15000, 20000]).echoDb - 10 * Math.log10(1 + 10 ** (echoDb / 10));
     assert.ok(Math.abs(off) < 1, `${off} dB off`);
+    const clicked = heard.slice();
+    clicked[8900 + 3 * 4800 + Math.round(0.083 * rateHz)] += 0.5;
+    const moved = measure(clicked, rateHz, chirp, due, [15000, 20000]).echoDb - measure(heard, rateHz, chirp, due, [15000, 20000]).echoDb;
+    assert.ok(Math.abs(moved) < 0.5, `one click moves the level by ${moved} dB`);
     assert.equal(measure(noise, rateHz, chirp, due, [15000, 20000]).echoDb, null);
     assert.equal(measure(new Float32Array(60000), rateHz, chirp, due, [15000, 20000]).echoDb, null);
   });

@@ -48,6 +48,8 @@ UNHEARD = 0.1
 time by the page."""
 IN_DOUBT = 8
 """Chirps after a gap or a jump of the sound until the page knows how late they are heard now."""
+UNHEARD_LEVEL = "not heard"
+"""What the page says of a microphone that hears no chirps."""
 STALLED_S = 0.25
 """Chirps further apart than that were held up: nobody keeps silent in two slots on end."""
 
@@ -243,7 +245,7 @@ def test_the_one_that_hears_the_chirps_20_db_better_is_taken_and_kept(phone_with
         chosen, told = check(page)
         assert chosen == "Back"
         assert set(told) == {"Default", "Front", "Back", "Headset"}
-        assert told["Headset"] == "not heard"
+        assert told["Headset"] == UNHEARD_LEVEL
         assert 12 < level_db(told["Back"]) - level_db(told["Front"]) < 28
         assert page.locator("#checks li").nth(2).get_attribute("data-verdict") == "pass"
         page.reload()
@@ -257,4 +259,17 @@ def test_the_one_that_hears_the_chirps_20_db_better_is_taken_and_kept(phone_with
 
 def test_the_browsers_own_stays_where_no_other_hears_more(phone_with: Any) -> None:
     with phone_with({"Bottom": 1.0, "Camera": 1.0, "Headset": 0.0}) as page:
-        assert check(page)[0] == "Default"
+        for _ in range(ATTEMPTS):
+            chosen, told = check(page)
+            if _is_alike(told):
+                break
+            page.evaluate("localStorage.clear()")  # a busy machine lost sound while one was tried
+            page.reload()
+        assert _is_alike(told)
+        assert chosen == "Default"
+
+
+def _is_alike(told: Mapping[str, str]) -> bool:
+    """Whether microphones of one gain were heard alike."""
+    levels = [each for name, each in told.items() if name != "Headset"]
+    return UNHEARD_LEVEL not in levels and np.ptp([level_db(each) for each in levels]) <= 2

@@ -58,15 +58,18 @@ export function measure(samples, rateHz, chirp, played, bandHz) {
   };
 }
 
-/** @param {Float32Array} envelope @param {Frame[]} heard @param {number} rateHz */
+/**
+ * Of most chirps: a click or a door says nothing of the phone.
+ * @param {Float32Array} envelope @param {Frame[]} heard @param {number} rateHz
+ */
 function echoLevelDb(envelope, heard, rateHz) {
   const whole = heard.filter(({ direct }) => direct + NOISE_S[1] * rateHz < envelope.length);
   /** @param {number[]} stretch */
   const power = ([fromS, untilS]) =>
-    whole.reduce((sum, { direct }) => {
+    median(whole.map(({ direct }) => {
       const part = envelope.subarray(direct + Math.round(fromS * rateHz), direct + Math.round(untilS * rateHz));
-      return sum + part.reduce((energy, value) => energy + value * value, 0) / part.length;
-    }, 0);
+      return part.reduce((energy, value) => energy + value * value, 0) / part.length;
+    }));
   return decibels(power(ECHOES_S) / Math.max(power(NOISE_S), 1e-20));
 }
 
