@@ -77,18 +77,22 @@ def metronome() -> Iterator[Callable[[], float]]:
     is theirs.
     """
     spawn = multiprocessing.get_context("spawn")
-    held_up_s = spawn.Value("d", 0.0)
-    process = spawn.Process(target=_tick, args=(held_up_s,), daemon=True)
+    held_up_s, ticking = spawn.Value("d", 0.0), spawn.Event()
+    process = spawn.Process(target=_tick, args=(held_up_s, ticking), daemon=True)
     process.start()
     try:
+        while not ticking.wait(1.0):
+            if not process.is_alive():
+                raise RuntimeError(f"the metronome ended by itself: {process.exitcode}")
         yield lambda: held_up_s.value
     finally:
         process.terminate()
         process.join()
 
 
-def _tick(held_up_s: Any) -> None:
+def _tick(held_up_s: Any, ticking: Any) -> None:
     """Sleep again and again, and add up by how much too long where that is more than jitter."""
+    ticking.set()
     while True:
         begun_s = time.monotonic()
         time.sleep(TICK_S)
