@@ -185,7 +185,7 @@ def test_the_metronome_tells_that_it_was_held_up() -> None:
             time.sleep(0.2)
             os.kill(int(beating.pid or 0), signal.SIGCONT)
 
-        until(lambda: held_up_s() > before_s + 0.1, "that it was held up", between=hold_up)
+        assert until(lambda: held_up_s() > before_s + 0.1, "a late beat", between=hold_up)
 
 
 DIRECT, ECHOES = 0.3, ((0.004, 0.05), (0.0125, 0.06), (0.019, 0.04), (0.028, 0.03))

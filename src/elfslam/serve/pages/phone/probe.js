@@ -59,7 +59,7 @@ export function measure(samples, rateHz, chirp, played, bandHz) {
 }
 
 /**
- * Of most chirps: a click or a door says nothing of the phone.
+ * Level of the echoes over the noise, by the median chirp: a click or a door says nothing of the phone.
  * @param {Float32Array} envelope @param {Frame[]} heard @param {number} rateHz
  */
 function echoLevelDb(envelope, heard, rateHz) {
