@@ -154,8 +154,8 @@ def test_a_map_is_got_once_and_then_needs_no_server(
     assert [each for each in asked if "/api" in each] == []
     fixes = read_fixes(tmp_path / "fixes.csv")
     known = np.isfinite(fixes.xy_m[:, 0])
-    assert known.sum() >= 6
-    assert set(fixes.status[known]) == {FixStatus.OK}
+    assert (fixes.status[known] == FixStatus.OK).sum() >= 6
+    assert set(fixes.status[known]) <= {FixStatus.OK, FixStatus.SUSPECT}, "sound is lost at times"
     np.testing.assert_allclose(fixes.xy_m[known], np.tile(HERE_M, (known.sum(), 1)), atol=0.05)
     np.testing.assert_allclose(fixes.heading_rad[known], np.pi / 2, atol=1e-5)
 
@@ -364,13 +364,14 @@ def test_a_floor_is_found_by_where_the_phone_is(pocket: Any, server: Any, publis
         assert page.inner_text("#maps-list .venue") == "North Mall"
         check_view(page, 390)
         page.click(f"{floor} >> text=Get this map")
-        page.click(f"{floor} >> text=Find me here")
-        page.wait_for_selector("#place-stop:visible")
-        page.check("input[value=one-shot]", force=True)
-        wait_for_words(page, "Here, within")
+        page.wait_for_selector(f"{floor} >> text=Find me here")
+        page.context.grant_permissions(PERMISSIONS)
+    with pocket.on() as page:  # whose clock goes with its sound's
+        page.goto(server.address)
+        page.click("#where")
+        locate(page, "one-shot")
         page.click("#place-back")
         page.wait_for_selector(f"{floor} >> text=Update")
-        page.context.grant_permissions(PERMISSIONS)
 
 
 def positions_in(server: Any, map_id: str) -> list[Any]:
@@ -380,7 +381,7 @@ def positions_in(server: Any, map_id: str) -> list[Any]:
 
 def placed_in(server: Any, map_id: str) -> list[Any]:
     """Those of them whose place is known: a busy machine loses sound, and then it is not."""
-    return [each for each in positions_in(server, map_id) if each["x_m"] is not None]
+    return [each for each in positions_in(server, map_id) if each["status"] == FixStatus.OK.name]
 
 
 def test_others_see_the_walker_only_while_they_say_so(
@@ -403,7 +404,7 @@ def test_others_see_the_walker_only_while_they_say_so(
         pause = partial(page.wait_for_timeout, 100)
         [live] = until(lambda: placed_in(server, map_id), "a place", between=pause)
         assert [live["x_m"], live["y_m"]] == pytest.approx(HERE_M, abs=0.05)
-        assert (live["status"], live["name"]) == ("OK", "owner")
+        assert live["name"] == "owner"
         assert live["heading_rad"] == pytest.approx(np.pi / 2, abs=1e-3)
         page.click("#place-stop")
         until(lambda: not positions_in(server, map_id), "the end", between=pause)
@@ -461,8 +462,9 @@ def check_keys(page: Any) -> None:
     assert follow.get_attribute("aria-pressed") == "false"
     page.keyboard.press("f")
     assert follow.get_attribute("aria-pressed") == "true"
-    page.keyboard.press("Enter")
-    assert "At 3.0 across and 2.0 up, facing north" in page.inner_text("#place-spoken")
+    spoken = page.locator("#place-spoken", has_text="At 3.0 across and 2.0 up, facing north")
+    asks = partial(page.keyboard.press, "Enter")
+    until(lambda: asks() or spoken.count(), "the place: a busy machine loses sound at times")
     page.click("[aria-label='Show all']")
     assert follow.get_attribute("aria-pressed") == "false"
 
