@@ -4,8 +4,9 @@ It needs labelled echoes of every spot, which is what the ELF does without.
 """
 
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -18,8 +19,10 @@ from elfslam.base.errors import InputError
 from elfslam.base.parameters import parameter
 from elfslam.base.values import ECHO_SAMPLES
 from elfslam.learn.network import STAGES, Spectrogram, Stem, normalised_log, resnet18
+from elfslam.learn.resumable import resumed, save
 
 ROWS_AT_ONCE = 256
+CHECKPOINT_STEPS = 500
 _DRAWING = threading.Lock()
 """First weights come from the one generator of the process: two trainings must not mix theirs."""
 
@@ -72,46 +75,60 @@ def train_fingerprint(
     Raises InputError for traces that are too few or have no spot each.
     """
     _check(samples, spot, parameters)
-    steps = parameters.epochs * (len(samples) // parameters.batch)
-    batches = (
-        (samples[rows], spot[rows])
-        for rows in _all_batches(np.random.default_rng(seed), len(samples), parameters)
-    )
-    spots = int(spot.max()) + 1
-    return train_on_batches(batches, spots, steps, parameters, seed=seed, stem=stem, report=report)
+    rows = list(_all_batches(np.random.default_rng(seed), len(samples), parameters))
+    return train_on_batches(
+        lambda step: (samples[rows[step]], spot[rows[step]]),
+        int(spot.max()) + 1, len(rows), parameters, seed=seed, stem=stem, report=report,
+    )  # fmt: skip
 
 
 def train_on_batches(
-    batches: Iterable[tuple[F32, I64]],
+    batch_of: Callable[[int], tuple[F32, I64]],
     spots: int,
     steps: int,
     parameters: FingerprintParameters,
     *,
     seed: int,
     stem: Stem = "imagenet",
+    checkpoint: Path | None = None,
     report: Callable[[float], None] = lambda share: None,
 ) -> SpotClassifier:
     """A classifier of so many spots, trained on `steps` batches that are heard once and dropped.
 
     Each batch is traces (n, 2352) and their spots (n). Of the parameters, `epochs` and `batch` say
-    nothing here. `report` hears the share done.
+    nothing here. `report` hears the share done. Goes on from `checkpoint` if there is one. Raises
+    StoreError for one of another run.
     """
     torch.set_num_threads(parameters.threads)
     with _DRAWING:
         torch.manual_seed(seed)
         network = SpotClassifier(spots, stem)
-    optimizer = torch.optim.AdamW(network.parameters(), weight_decay=parameters.weight_decay)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, parameters.learning_rate, steps)
+    decay = parameters.weight_decay
+    optimizer = torch.optim.AdamW(network.parameters(), weight_decay=decay, fused=True)
+    run = f"seed {seed}, {spots} spots, {steps} steps, {stem} stem, {parameters}"
+    losses = [] if checkpoint is None else resumed(checkpoint, run, network, optimizer)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimizer, parameters.learning_rate, steps, last_epoch=len(losses) - 1
+    )
     network.train()
-    for step, (samples, spot) in enumerate(batches):
-        scores = network(torch.from_numpy(samples))
-        loss = functional.cross_entropy(scores, torch.from_numpy(spot))
-        optimizer.zero_grad()
-        loss.backward()  # type: ignore[no-untyped-call]
-        optimizer.step()
+    for step in range(len(losses), steps):
+        losses.append(_learn(network, optimizer, *batch_of(step)))
         schedule.step()
         report((step + 1) / steps)
+        if checkpoint is not None and (step + 1) % CHECKPOINT_STEPS == 0:
+            save(checkpoint, run, losses, network, optimizer)
     return network.eval()
+
+
+def _learn(
+    network: SpotClassifier, optimizer: torch.optim.Optimizer, samples: F32, spot: I64
+) -> float:
+    """One step; gives the loss."""
+    loss = functional.cross_entropy(network(torch.from_numpy(samples)), torch.from_numpy(spot))
+    optimizer.zero_grad()
+    loss.backward()  # type: ignore[no-untyped-call]
+    optimizer.step()
+    return float(loss.detach())
 
 
 def named_spots(network: SpotClassifier, samples: F32, *, together: int = 1) -> I64:

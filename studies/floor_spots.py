@@ -54,6 +54,11 @@ class Spots:
     seed: int = 0
 
     @property
+    def name(self) -> str:
+        """Of its files."""
+        return f"{self.world}-{self.spots}-{self.traces}-{self.seed}"
+
+    @property
     def echoes(self) -> int:
         """How many are learnt from."""
         return self.spots * len(DIRECTIONS_RAD) * self.traces
@@ -110,7 +115,7 @@ def measure_floor(task: Spots, folder: Path, announce: Announce) -> list[Record]
             records.append(_error(name, kind, found, places_m))
     records += [*_similarities("before", before), *_similarities("after", after)]
     if task.supervised_traces:
-        records += _supervised(task, floor, queries, announce)
+        records += _supervised(task, floor, queries, folder, announce)
     seed = str(task.seed)
     return [replace(each, world=task.world, seeds=seed) for each in records]
 
@@ -132,7 +137,7 @@ def _learnt(
     from elfslam.learn.floor_level import learn_floor
     from elfslam.learn.parameters import FloorLevelParameters
 
-    file = folder / f"{task.world}-{task.spots}-{task.traces}-{task.seed}.onnx"
+    file = folder / f"{task.name}.onnx"
     if file.exists():
         return OnnxEncoder(file.read_bytes(), file.name)
 
@@ -211,21 +216,21 @@ def _maps(
 
 
 def _supervised(
-    task: Spots, floor: Floor, queries: dict[str, tuple[F64, F32]], announce: Announce
+    task: Spots, floor: Floor, queries: dict[str, tuple[F64, F32]], folder: Path, announce: Announce
 ) -> Iterator[Record]:
     """Errors of the classifier of spots, from as many traces as the task gives it."""
     from studies.fingerprint import FingerprintParameters, named_spots, train_on_batches
 
-    steps = task.spots * len(DIRECTIONS_RAD) * task.supervised_traces // SUPERVISED_BATCH
-
-    def batches() -> Iterator[tuple[F32, I64]]:
-        for step in range(steps):
-            generator = np.random.default_rng([task.seed, 4, step])
-            spot, heading_rad = _drawn(floor, SUPERVISED_BATCH, generator)
-            yield heard(floor, floor.spots_m[spot], heading_rad, generator), spot
+    def batch_of(step: int) -> tuple[F32, I64]:
+        generator = np.random.default_rng([task.seed, 4, step])
+        spot, heading_rad = _drawn(floor, SUPERVISED_BATCH, generator)
+        return heard(floor, floor.spots_m[spot], heading_rad, generator), spot
 
     network = train_on_batches(
-        batches(), len(floor.spots_m), steps, FingerprintParameters(threads=1), seed=task.seed,
+        batch_of, len(floor.spots_m),
+        task.spots * len(DIRECTIONS_RAD) * task.supervised_traces // SUPERVISED_BATCH,
+        FingerprintParameters(threads=1), seed=task.seed,
+        checkpoint=folder / f"{task.name}-supervised.checkpoint",
         report=lambda share: announce("supervised", share),
     )  # fmt: skip
     for kind in SETS:

@@ -1,6 +1,8 @@
 """The supervised fingerprint: it learns planted spots, repeats itself and scores by hand."""
 
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -46,6 +48,29 @@ def test_the_same_seed_gives_the_same_classifier() -> None:
     assert all(torch.equal(one[name], same[name]) for name in one)
     assert not torch.equal(one["head.weight"], other["head.weight"])
     assert shares == [0.5, 1.0] * 3
+
+
+def test_one_that_was_interrupted_goes_on_as_if_it_had_not_been(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    samples, spot = labelled(8, 0)
+    quick = FingerprintParameters(threads=1)
+    monkeypatch.setattr(fingerprint, "CHECKPOINT_STEPS", 2)
+
+    def learnt(checkpoint: Path, end: int) -> dict[str, torch.Tensor]:
+        def batch_of(step: int) -> tuple[F32, I64]:
+            if step == end:
+                raise KeyboardInterrupt
+            return samples[step::3], spot[step::3]
+
+        given = partial(fingerprint.train_on_batches, batch_of, SPOTS, 5, quick, seed=0)
+        return dict(given(checkpoint=checkpoint).state_dict())
+
+    whole = learnt(tmp_path / "whole", 9)
+    with pytest.raises(KeyboardInterrupt):
+        learnt(tmp_path / "part", 3)
+    continued = learnt(tmp_path / "part", 9)
+    assert all(torch.equal(whole[name], continued[name]) for name in whole)
 
 
 def test_two_that_learn_at_once_do_not_mix_their_first_weights() -> None:
