@@ -56,11 +56,13 @@ def test_one_that_was_interrupted_goes_on_as_if_it_had_not_been(
     samples, spot = labelled(8, 0)
     quick = FingerprintParameters(threads=1)
     monkeypatch.setattr(fingerprint, "CHECKPOINT_STEPS", 2)
+    asked: list[int] = []
 
     def learnt(checkpoint: Path, end: int) -> dict[str, torch.Tensor]:
         def batch_of(step: int) -> tuple[F32, I64]:
             if step == end:
                 raise KeyboardInterrupt
+            asked.append(step)
             return samples[step::3], spot[step::3]
 
         given = partial(fingerprint.train_on_batches, batch_of, SPOTS, 5, quick, seed=0)
@@ -69,7 +71,9 @@ def test_one_that_was_interrupted_goes_on_as_if_it_had_not_been(
     whole = learnt(tmp_path / "whole", 9)
     with pytest.raises(KeyboardInterrupt):
         learnt(tmp_path / "part", 3)
+    asked.clear()
     continued = learnt(tmp_path / "part", 9)
+    assert asked == [2, 3, 4], "from the last checkpoint"
     assert all(torch.equal(whole[name], continued[name]) for name in whole)
 
 
