@@ -28,6 +28,8 @@ from elfslam.stages.motion import (
     calibrated_by_distance,
     compass_heading,
     dead_reckon,
+    half_turned,
+    missed_half_turn,
 )
 from elfslam.world.device import BMI160, BROWSER
 from elfslam.world.imu import read_imu
@@ -70,6 +72,10 @@ LENGTHS = {
 }
 LENGTH_ERROR, LENGTH_BIAS, LENGTH_SPREAD = (
     "path length error (%)", "path length bias (%)", "path length spread (%)",
+)  # fmt: skip
+MAGNETOMETER = "magnetometer"
+TURN_TOLD, TURN_NEAR, TURN_FALSE = (
+    "missed half turn told (%)", "told within 5 s (%)", "told where none is missed (%)",
 )  # fmt: skip
 SLOW, SLOW_WALKERS, SLOW_RATE_HZ = "slow walkers", 20, 50.0
 HALL_M = np.array([[0.0, 0.0], [40.0, 0.0], [40.0, 12.0], [0.0, 12.0]])
@@ -128,6 +134,8 @@ def measure_dead_reckoning(
     }
     for name, some in crowds.items():
         records += _step_lengths(name, some)
+    for name, some in floors.items():
+        records += _half_turns(name, some)
     of = Record(DEAD_RECKONING, world="simulated", seeds=drawn)
     return [*records, *_consistency(of, simulated, 0.0)]
 
@@ -288,6 +296,28 @@ def _step_lengths(world: str, walks: Sequence[ReckonedWalk]) -> Iterator[Record]
         yield replace(_summed_up(of, np.abs(shares) / 100), metric=LENGTH_ERROR)
         yield replace(of, metric=LENGTH_BIAS, value=float(np.median(shares)))
         yield replace(of, metric=LENGTH_SPREAD, value=float(np.std(shares)))
+
+
+def _half_turns(floor: str, walks: Sequence[ReckonedWalk]) -> Iterator[Record]:
+    """How often a half turn planted into the gyroscope of the middle half of a walk is told."""
+    generator = np.random.default_rng(FIRST_SEED)
+    found = np.array([_told_turns(walk, generator.uniform(0.25, 0.75)) for walk in walks])
+    of = Record(MAGNETOMETER, world=floor, condition=AS_HELD)
+    for metric, told in zip((TURN_TOLD, TURN_NEAR, TURN_FALSE), 100.0 * found.T, strict=True):
+        each = [np.array([share]) for share in told]
+        low, high = interval(each, lambda shares: float(shares.mean()), np.random.default_rng(0))
+        yield replace(of, metric=metric, value=float(told.mean()), low=low, high=high)
+
+
+def _told_turns(walk: ReckonedWalk, share: float) -> tuple[bool, bool, bool]:
+    """Whether a half turn after that share of a walk is told, within 5 s, and one never planted."""
+    if walk.magnetometer is None:
+        return False, False, False
+    at_s, known = float(np.quantile(walk.imu.t_s, share)), MotionParameters()
+    told_s = missed_half_turn(half_turned(walk.imu, at_s), walk.magnetometer, known)
+    as_it_is_s = missed_half_turn(walk.imu, walk.magnetometer, known)
+    is_near = told_s is not None and abs(told_s - at_s) <= 5.0
+    return told_s is not None, is_near, as_it_is_s is not None
 
 
 def length_error(walk: ReckonedWalk, parameters: MotionParameters) -> float:

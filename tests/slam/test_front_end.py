@@ -18,9 +18,16 @@ from elfslam.data.mall import read_walk, walks_in
 from elfslam.slam import front_end
 from elfslam.slam.coverage import missing_of
 from elfslam.slam.crop import crop
-from elfslam.slam.front_end import compass_of, dead_reckoning_nodes, extract_echoes, too_noisy
+from elfslam.slam.front_end import (
+    compass_of,
+    dead_reckoning_nodes,
+    extract_echoes,
+    too_noisy,
+    with_missed_half_turn,
+)
 from elfslam.slam.parameters import Parameters
 from elfslam.stages.feature import Encoder, load_encoder
+from elfslam.stages.motion import half_turned
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import simulate
 from elfslam.world.world_file import load_world
@@ -182,6 +189,22 @@ def magnetic_recording(start_rad: float, **planted: Any) -> Recording:
 def way_rad(nodes: Odometry) -> float:
     ahead = nodes.world_from_body[-1] - nodes.world_from_body[0]
     return float(np.arctan2(ahead[1], ahead[0]))
+
+
+def test_a_half_turn_that_was_missed_is_put_in_with_a_note() -> None:
+    true = magnetic_recording(0.3, turns=[(6.0, np.pi / 2)])
+    assert true.imu is not None
+    assert with_missed_half_turn(true, PARAMETERS) is true
+    missed = dataclasses.replace(true, imu=half_turned(true.imu, 20.0))
+    mended = with_missed_half_turn(missed, PARAMETERS)
+    assert [note.split(",")[0] for note in mended.notes] == [
+        "the gyroscope missed a half turn after 20 s"
+    ]
+    ways = [way_rad(dead_reckoning_nodes(each, PARAMETERS)) for each in (true, mended, missed)]
+    assert ways[1] == pytest.approx(ways[0], abs=0.05)
+    assert abs(ways[2] - ways[0]) > 0.5
+    deaf = dataclasses.replace(missed, magnetometer=None)
+    assert with_missed_half_turn(deaf, PARAMETERS) is deaf
 
 
 @pytest.mark.parametrize("start_rad", [-2.0, 0.3, 1.9])

@@ -8,7 +8,14 @@ import pytest
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import wrap_angle
 from elfslam.base.values import Imu, Magnetometer
-from elfslam.stages.motion import HardIron, MotionParameters, compass_heading, dead_reckon
+from elfslam.stages.motion import (
+    HardIron,
+    MotionParameters,
+    compass_heading,
+    dead_reckon,
+    half_turned,
+    missed_half_turn,
+)
 from elfslam.stages.motion.level import level
 from elfslam.stages.motion.reckoning import smooth_heading
 from tests.stages.magnetic_walk import walk
@@ -91,3 +98,42 @@ def test_no_walk_and_no_field_are_refused():
         compass_heading(still, magnetometer, PARAMETERS)
     with pytest.raises(InputError, match="no horizontal part"):
         compass_heading(imu, Magnetometer(imu.t_s, 0 * magnetometer.field_ut), PARAMETERS)
+
+
+CORNERS = [(6.0, np.pi / 2), (30.0, -np.pi / 2)]
+FIELDS = {"iron_ut": (-11.0, 12.0), "bend_ut": 4.0}
+
+
+def without_the_turn(after_s):
+    """A walk back, half a turn at that time, and what a gyroscope tells that missed it."""
+    imu, magnetometer = walk(0.5, turns=[*CORNERS, (after_s, np.pi)], **FIELDS)
+    missed = (imu.t_s >= after_s - 0.02) & (imu.t_s <= after_s + 1.02)
+    gyro_radps = np.where(missed[:, None], 0.0, imu.gyro_radps)
+    return imu, replace(imu, gyro_radps=gyro_radps), magnetometer
+
+
+@pytest.mark.parametrize("after_s", [12.0, 20.0, 26.0])
+def test_a_missed_half_turn_is_told_and_put_in(after_s):
+    imu, missed, magnetometer = without_the_turn(after_s)
+    at_s = missed_half_turn(missed, magnetometer, PARAMETERS)
+    assert at_s == pytest.approx(after_s + 0.5, abs=1.2)
+    back = dead_reckon(half_turned(missed, at_s), PARAMETERS).world_from_body
+    true = dead_reckon(imu, PARAMETERS).world_from_body
+    assert np.linalg.norm(back[-1, :2] - true[-1, :2]) < 2.5
+    assert degrees_off(back[-1, 2], true[-1, 2]) < 5
+    assert missed_half_turn(half_turned(missed, at_s), magnetometer, PARAMETERS) is None
+
+
+@pytest.mark.parametrize("turns", [[], CORNERS, [(20.0, np.pi)], [(12.0, np.pi), (24.0, -np.pi)]])
+@pytest.mark.parametrize("iron_ut", [(0.0, 0.0), (-11.0, 12.0), (40.0, 20.0)])
+def test_no_half_turn_is_told_of_a_walk_as_it_was(turns, iron_ut):
+    told = missed_half_turn(*walk(0.5, turns=turns, iron_ut=iron_ut, bend_ut=4.0), PARAMETERS)
+    assert told is None
+
+
+def test_a_field_that_disagrees_with_itself_tells_nothing():
+    _, missed, magnetometer = without_the_turn(20.0)
+    spin = np.exp(1j * magnetometer.t_s)
+    level_ut = 30.0 * np.column_stack([spin.real, spin.imag, 0 * spin.real])
+    noisy = replace(magnetometer, field_ut=magnetometer.field_ut + level_ut)
+    assert missed_half_turn(missed, noisy, PARAMETERS) is None

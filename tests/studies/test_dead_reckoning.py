@@ -84,6 +84,11 @@ def test_true_directions_and_length_leave_less_than_either(walks: list[study.Rec
     assert both < left["true direction of every leg"]
 
 
+def test_a_planted_half_turn_is_told_of_real_walks(walks: list[study.ReckonedWalk]) -> None:
+    told = {each.metric: each.value for each in study._half_turns("A", walks)}
+    assert told == {study.TURN_TOLD: 100, study.TURN_NEAR: 100, study.TURN_FALSE: 0}
+
+
 def test_a_folder_without_walks_is_refused(tmp_path) -> None:
     with pytest.raises(InputError, match="holds no mall_walks"):
         dict(study.mall_floors(tmp_path, None, quiet))

@@ -39,7 +39,7 @@ from elfslam.slam import pipeline as slam
 from elfslam.slam.coverage import Missing, missing_of
 from elfslam.slam.crop import crop
 from elfslam.slam.floors import building_of, floor_runs
-from elfslam.slam.front_end import extract_echoes, too_noisy
+from elfslam.slam.front_end import extract_echoes, too_noisy, with_missed_half_turn
 from elfslam.slam.merging.members import MergeParameters
 from elfslam.slam.parameters import Parameters
 from elfslam.stages.checkpoints import lies_on_plan
@@ -195,7 +195,7 @@ def refuse_taken(folder: Path, job: MapJob) -> None:
 @dataclass(frozen=True, eq=False)
 class Mapped:
     """A run, the encoder that its map needs, who said which way it heads, what was learnt, and
-    what the recording lacked.
+    what the recording lacked or was not right in it.
     """
 
     run: Run
@@ -203,6 +203,7 @@ class Mapped:
     heading: str
     finetuning: str | None
     missing: tuple[Missing, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def map_recording(recording: Recording, job: MapJob, announce: Announce = silent) -> Mapped:
@@ -211,6 +212,7 @@ def map_recording(recording: Recording, job: MapJob, announce: Announce = silent
         recording = crop(recording, *job.kept_s)
     if job.start_pose is not None:
         recording = replace(recording, start_pose=job.start_pose)
+    recording = with_missed_half_turn(recording, job.parameters)
     heard = (Modality.ELF,) if recording.audio is not None else (Modality.MOTION,)
     by = job.by or heard
     if job.finetune and Modality.ELF not in by:
@@ -231,9 +233,8 @@ def map_recording(recording: Recording, job: MapJob, announce: Announce = silent
     run = _map_one(recording, by, encoder, job.parameters, adapt, announce)
     heading = _heading_by(recording, run, job.parameters)
     missing = missing_of(recording, run.echoes, job.parameters.motion)
-    if tuned:
-        return Mapped(run, tuned[-1].encoder, heading, tuned[-1].reason, missing)
-    return Mapped(run, encoder, heading, None, missing)
+    kept, learnt = (tuned[-1].encoder, tuned[-1].reason) if tuned else (encoder, None)
+    return Mapped(run, kept, heading, learnt, missing, recording.notes)
 
 
 def _heading_by(recording: Recording, run: Run, parameters: Parameters) -> str:
@@ -255,7 +256,7 @@ def mapped_run(
     made = map_recording(recording, job, announce)
     encoder, echoes = made.encoder, made.run.echoes
     noisy = None if echoes is None else too_noisy(echoes)
-    notes = [*recording.notes, *([noisy] if noisy else [])]
+    notes = [*made.notes, *([noisy] if noisy else [])]
     facts: dict[str, Any] = {
         **versions(),
         "device": recording.device,

@@ -16,7 +16,14 @@ from elfslam.stages.chirp import make_chirp
 from elfslam.stages.echo import Frames, echoes_of, find_frames, frame_facts
 from elfslam.stages.levels import find_levels, levels_by_taps, numbered_by_taps
 from elfslam.stages.medium_access import spoiled_frames
-from elfslam.stages.motion import Compass, compass_heading, dead_reckon, nodes_by_distance
+from elfslam.stages.motion import (
+    Compass,
+    compass_heading,
+    dead_reckon,
+    half_turned,
+    missed_half_turn,
+    nodes_by_distance,
+)
 from elfslam.stages.spoofing import Suspicion, nothing_suspect, suspicion
 
 
@@ -89,6 +96,27 @@ def compass_of(recording: Recording, parameters: Parameters) -> Compass | None:
         if start is None:
             return None
         raise InputError(f"{recording.name}: the start has no heading ({why}); give one") from why
+
+
+def with_missed_half_turn(recording: Recording, parameters: Parameters) -> Recording:
+    """The recording with the half turn that its gyroscope missed, and a note of it, if one is told.
+
+    A magnetometer tells it (`missed_half_turn`). Motion that cannot be levelled stays as it is.
+    """
+    imu, field = recording.imu, recording.magnetometer
+    if imu is None or field is None:
+        return recording
+    try:
+        at_s = missed_half_turn(imu, field, parameters.motion)
+    except InputError:
+        return recording
+    if at_s is None:
+        return recording
+    note = (
+        f"the gyroscope missed a half turn after {at_s - imu.t_s[0]:.0f} s, as the magnetometer "
+        "tells; the walk is turned there"
+    )
+    return replace(recording, imu=half_turned(imu, at_s), notes=(*recording.notes, note))
 
 
 def by_compass(

@@ -6,7 +6,13 @@ while walking. Heading is relative: the walk begins at heading 0 unless a start 
 real walks of surveyors in a mall, and holds for simulated ones.
 """
 
-from elfslam.stages.motion.compass import Compass, HardIron, compass_heading
+from elfslam.stages.motion.compass import (
+    Compass,
+    HardIron,
+    compass_heading,
+    half_turned,
+    missed_half_turn,
+)
 from elfslam.stages.motion.level import check_imu
 from elfslam.stages.motion.live import BEGINNING, LivePdrState, Steps, go_on
 from elfslam.stages.motion.parameters import MotionParameters, check_motion
@@ -33,5 +39,7 @@ __all__ = [
     "dead_reckon",
     "find_footsteps",
     "go_on",
+    "half_turned",
+    "missed_half_turn",
     "nodes_by_distance",
 ]

@@ -6,7 +6,8 @@ turns with the phone and so shows in any walk that turns. It stays from walk to 
 now and then, so what one walk learnt of it is handed to the next.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -22,6 +23,12 @@ ROUNDS = 20
 """The scale of the hard iron and its value are found in turn."""
 TAIL = 3.0
 """Degrees of freedom of Student's t, the prior of the hard iron: mostly near, at times far off."""
+AGREES, DISAGREES = 0.95, 0.9
+"""Length of the mean direction of the field. Of 89 real walks in a mall 95 % have 0.98 or more."""
+FEWEST_FOOTSTEPS = 40
+CANDIDATES = 256
+"""Footsteps of a walk at which a half turn is tried, before those around the best one."""
+HALF_TURN_S = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +78,52 @@ def compass_heading(
     first_rad = np.interp(footsteps_t_s[0], levelled.t_s, smooth_heading(levelled, parameters))
     heading_rad = float(wrap_angle(np.pi / 2 - np.angle(north_ut) + first_rad))
     return Compass(heading_rad, sigma_ut / abs(north_ut), iron)
+
+
+def missed_half_turn(
+    imu: Imu, magnetometer: Magnetometer, parameters: MotionParameters
+) -> float | None:
+    """When (s) the gyroscope missed a half turn, where the field agrees with itself with one alone.
+
+    None where it agrees as it is, or in no way. Where motion is interrupted, the longest stretch
+    is looked at. Raises InputError as `check_imu` does.
+    """
+    levelled = max(levelled_pieces(imu, parameters), key=lambda piece: len(piece.t_s))
+    footsteps_t_s = footfalls(levelled, parameters)
+    if len(footsteps_t_s) < FEWEST_FOOTSTEPS:
+        return None
+    lengths_m = lengths_between(levelled, footsteps_t_s, parameters)
+    halfway_s = (footsteps_t_s[1:] + footsteps_t_s[:-1]) / 2
+    field_ut, turned = _carried(levelled, magnetometer, halfway_s)
+    agreement = partial(_agreement, field_ut, turned, lengths_m, parameters)
+    steps = len(halfway_s)
+    if agreement(steps) > DISAGREES:
+        return None
+    apart = -(-steps // CANDIDATES)
+    near = max(range(apart, steps, apart), key=agreement)
+    first = max(range(near - apart + 1, min(near + apart, steps)), key=agreement)
+    return float(footsteps_t_s[first]) if agreement(first) >= AGREES else None
+
+
+def _agreement(
+    field_ut: C128, turned: C128, lengths_m: F64, parameters: MotionParameters, first: int
+) -> float:
+    """Length of the mean direction of the field less hard iron, turned from step `first` on."""
+    sign = np.where(np.arange(len(field_ut)) < first, 1.0, -1.0)
+    unknown = HardIron(np.zeros(2), parameters.hard_iron_sigma_ut)
+    found = _separated(field_ut * sign, turned * sign, lengths_m, unknown, parameters)[0]
+    rest = field_ut * sign - turned * sign * complex(*found.forward_left_ut)
+    weight = lengths_m / lengths_m.sum()
+    return float(abs((weight * rest / np.maximum(abs(rest), 1e-9)).sum()))
+
+
+def half_turned(imu: Imu, at_s: float) -> Imu:
+    """The sensors with a half turn about the vertical put into the gyroscope, a second long."""
+    rows = abs(imu.t_s - at_s) <= HALF_TURN_S / 2
+    up = imu.accel_mps2[rows].mean(axis=0)
+    gyro_radps = imu.gyro_radps.copy()
+    gyro_radps[rows] += np.pi / np.gradient(imu.t_s)[rows].sum() * up / np.linalg.norm(up)
+    return replace(imu, gyro_radps=gyro_radps)
 
 
 def _carried(levelled: Level, magnetometer: Magnetometer, at_s: F64) -> tuple[C128, C128]:
